@@ -5,6 +5,8 @@
 //! tests' clock: they read candump's lines, and never sleep.
 #![allow(
     clippy::disallowed_methods,
+    clippy::expect_used,
+    clippy::float_cmp,
     clippy::indexing_slicing,
     clippy::panic,
     clippy::print_stdout,

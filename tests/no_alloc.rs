@@ -1,6 +1,7 @@
 //! No allocation in ten thousand cycles of node, controller, bus and simulation: without and with link delay, with a robot
 //! in another process, and of a slave arm in contact.
 #![allow(
+    clippy::expect_used,
     clippy::float_cmp,
     clippy::indexing_slicing,
     clippy::panic,
@@ -13,16 +14,15 @@ mod common;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::io::Read;
-use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
 
 use common::bench::scenario;
+use common::prelude::*;
 
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 use socket2::{Domain, SockAddr, Socket, Type};
 
-use config::{Config, RemoteLink};
+use config::RemoteLink;
 use contract::FarEnd;
 use remote::delay::DelaySettings;
 use remote::link::{self, link};
@@ -32,9 +32,6 @@ use sim::arm::{LinkSettings, Load};
 use sim::contact::{Scene, Shape, Surface, Wall};
 use sim::manipulator::{JointSettings, Manipulator, ManipulatorSettings, Tool};
 use sim::wrist_sensor::WristSensorSettings;
-use testbench::bench::Bench;
-use units::spatial::Wrench;
-use units::time::Instant;
 
 /// Counts allocations of the threads that set [`IS_COUNTED`]. The test harness has a thread of its own, which allocates
 /// when a test takes longer than a minute.
@@ -77,9 +74,8 @@ const MORE_LAYERS: &str = "[controller.tank]\ninitial_j = 0.1\nmin_j = 0.0\nlow_
 #[test]
 fn ten_thousand_cycles_with_every_layer_never_allocate() {
     let text = include_str!("../config/kraft_like.toml").replacen("[remote]\n", MORE_LAYERS, 1);
-    let config = Config::parse(Path::new("config/kraft_like.toml"), &text).unwrap();
-    let mut bench = Bench::new(&config, scenario("contact_10s"), 1, ());
-    bench.bring_up().unwrap();
+    let config = parse("config/kraft_like.toml", &text);
+    let mut bench = started(&config, scenario("contact_10s"), ());
     bench.run(200);
     IS_COUNTED.set(true);
     bench.run(10_000);
@@ -89,7 +85,7 @@ fn ten_thousand_cycles_with_every_layer_never_allocate() {
 
 #[test]
 fn node_behind_a_link_with_delay_never_allocates() {
-    let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+    let config = config("config/kraft_like.toml");
     let simulated = Some(DelaySettings {
         delay: Duration::from_millis(2),
         jitter: Duration::from_millis(3),
@@ -99,8 +95,7 @@ fn node_behind_a_link_with_delay_never_allocates() {
     });
     let link = RemoteLink { simulated, ..config.link };
     let config = config.with_link(link);
-    let mut bench = Bench::new(&config, scenario("contact_10s"), 1, ());
-    bench.bring_up().unwrap();
+    let mut bench = started(&config, scenario("contact_10s"), ());
     bench.run(200);
     IS_COUNTED.set(true);
     bench.run(5_000);
@@ -119,7 +114,7 @@ fn cycle_with_a_robot_in_another_process_never_allocates() {
     robot.connect(&path).unwrap();
     robot.set_nonblocking(true).unwrap();
     let mut far = FarEnd::new(1, 2, Duration::from_millis(100));
-    let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+    let config = config("config/kraft_like.toml");
     let settings = link::LinkSettings {
         arm: 1,
         session: 1,

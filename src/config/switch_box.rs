@@ -107,7 +107,8 @@ fn buttons(
                 continue;
             }
         };
-        let Some(place) = bit.and_then(|bit| buttons.get_mut(usize::from(bit - 4))) else {
+        let place = bit.and_then(|bit| bit.checked_sub(4));
+        let Some(place) = place.and_then(|place| buttons.get_mut(usize::from(place))) else {
             continue;
         };
         if place.replace(adjustment).is_some() {

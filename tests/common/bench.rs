@@ -1,16 +1,21 @@
 //! Complete control loop in one process, with a record of its frames.
 
 use std::cell::RefCell;
-use std::path::Path;
 use std::rc::Rc;
+use std::time::Duration;
 
+use super::shipped::{ELBOW, config, text};
 use bus::Tap;
 use canopen::frame::{Channel, Frame, Telegram};
-use config::{Config, files};
+use config::Config;
 use node::record::{Mode, Record};
+use sim::quirks::Quirk;
 use sim::scenario::Scenario;
 use testbench::bench::Bench;
 use units::time::Instant;
+
+/// One millisecond.
+pub(crate) const MS: Duration = Duration::from_millis(1);
 
 /// Frames of all buses, with the times at which they were complete.
 #[derive(Clone, Debug, Default)]
@@ -65,10 +70,6 @@ impl Wire {
     }
 }
 
-pub(crate) fn config(name: &str) -> Config {
-    Config::load(Path::new(name)).unwrap()
-}
-
 /// Returns a script whose hand presses the deadman `at` s, switches reflection on, sets the reference and moves 45 mm along
 /// x: into the wall before which the object starts.
 pub(crate) fn press_script(at: f64) -> String {
@@ -86,19 +87,35 @@ pub(crate) fn press_script(at: f64) -> String {
     format!("seconds = 10\n{}{moves}", switches.concat())
 }
 
+/// Returns a shipped scenario.
 pub(crate) fn scenario(name: &str) -> Scenario {
-    let path = format!("config/scenarios/{name}.toml");
-    let text = String::from_utf8(files::read(path.as_ref()).unwrap()).unwrap();
-    Scenario::parse(&text).unwrap()
+    script(&text(&format!("config/scenarios/{name}.toml")))
+}
+
+pub(crate) fn script(text: &str) -> Scenario {
+    Scenario::parse(text).unwrap_or_else(|error| panic!("{error}: {text}"))
+}
+
+/// Returns a bench before its boot whose elbow's drive has these quirks, and its frames.
+pub(crate) fn bench_of(config: &Config, text: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) {
+    let mut script = script(text);
+    let quirks = quirks.iter().map(|quirk| quirk.parse::<Quirk>().unwrap());
+    script.quirks_mut().add(ELBOW, quirks);
+    let wire = Wire::default();
+    (Bench::new(config, script, 1, wire.clone()), wire)
+}
+
+/// Returns a bench after its boot.
+pub(crate) fn started<T: Tap>(config: &Config, script: Scenario, tap: T) -> Bench<T> {
+    let mut bench = Bench::new(config, script, 1, tap);
+    bench.bring_up().unwrap();
+    bench
 }
 
 /// Returns a bench after its boot, and its frames.
 pub(crate) fn booted(config_name: &str, scenario_name: &str) -> (Bench<Wire>, Wire) {
     let wire = Wire::default();
-    let config = config(config_name);
-    let mut bench = Bench::new(&config, scenario(scenario_name), 1, wire.clone());
-    bench.bring_up().unwrap();
-    (bench, wire)
+    (started(&config(config_name), scenario(scenario_name), wire.clone()), wire)
 }
 
 /// Runs until a record is as wanted; fails after a minute.

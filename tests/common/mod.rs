@@ -1,13 +1,5 @@
 //! Shared parts of the integration tests.
 #![allow(dead_code, reason = "each test file is a crate of its own and uses a part of this")]
-#![allow(
-    clippy::expect_used,
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::env;
 use std::sync::LazyLock;
@@ -22,11 +14,14 @@ pub(crate) mod golden;
 pub(crate) mod linked;
 pub(crate) mod log;
 pub(crate) mod oracle;
+pub(crate) mod prelude;
 pub(crate) mod process;
+pub(crate) mod refusals;
 pub(crate) mod rest;
 pub(crate) mod rig;
 pub(crate) mod sessions;
 pub(crate) mod sh_blocks;
+pub(crate) mod shipped;
 
 /// Returns the program under test: `$FRHC_PROGRAM` if it is set, else that of this build.
 pub(crate) fn program() -> &'static str {

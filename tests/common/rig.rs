@@ -8,9 +8,6 @@ use canopen_tools::candump::Line;
 
 use crate::common::process::{Candump, Process, Scratch};
 
-pub(crate) const KRAFT: &str = "config/kraft_like.toml";
-pub(crate) const PUMA: &str = "config/robots/puma560.toml";
-
 /// Node with its drives, its robot and the frames on its bus.
 pub(crate) struct Rig {
     pub(crate) scratch: Scratch,

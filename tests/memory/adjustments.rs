@@ -1,26 +1,13 @@
 //! Scales, locks and alignment while the node runs: on every shipped hand controller, in contact, in both modes, no torque jumps.
-#![allow(
-    clippy::panic,
-    clippy::print_stdout,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test; figures go to the output"
-)]
-#![cfg(test)]
 
 use nalgebra::Isometry3;
 
-use crate::common::bench::{config, scenario};
-use crate::linked_node::parse;
-use config::Config;
-use config::shipped::HAND_CONTROLLERS;
+use crate::common::prelude::*;
 use controller::adjustment::AdjustmentError;
 use controller::switches::CommandMode;
 use experiments::comparison;
-use node::record::{Mode, Record};
-use node::{Request, RequestError};
+use node::RequestError;
 use remote::site::Virtual;
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
 use units::adjustment::{Adjustment, LockAxis, Quantity};
 
 /// Maximum change of a torque in one cycle, in % of the joint's capacity.
@@ -50,8 +37,7 @@ struct Rig {
 
 impl Rig {
     fn new(config: &Config, scenario: Scenario, mode: CommandMode) -> Self {
-        let mut bench = Bench::new(config, scenario, 1, ());
-        bench.bring_up().unwrap();
+        let mut bench = started(config, scenario, ());
         bench.ask(Request::Command(mode)).unwrap();
         let calibration = &config.controller.calibration;
         let capacities = calibration.coupling().capacities(&calibration.max_torques()).into();
@@ -119,7 +105,7 @@ fn free_script(entries: &str) -> Scenario {
     ];
     let arm = "[[console]]\nat_s = 0.3\nrequest = \"arm\"\n";
     let text = format!("seconds = 20.0\n[hand]\ntremor_mm = 0.0\n{arm}{}{entries}", begin.concat());
-    Scenario::parse(&text).unwrap()
+    script(&text)
 }
 
 fn moved_to(at: f64, to: &str) -> String {
@@ -128,7 +114,7 @@ fn moved_to(at: f64, to: &str) -> String {
 
 /// Returns kraft_like without anything to touch.
 fn free() -> Config {
-    let config = config("config/kraft_like.toml");
+    let config = config(KRAFT);
     let remote = Virtual { wall: None, block: None, sphere: None, ..config.remote.clone() };
     config.with_remote(remote)
 }
@@ -233,8 +219,7 @@ fn alignment_ends_with_the_deadman() {
 
 #[test]
 fn refusals_name_their_reason_and_change_nothing() {
-    let config =
-        comparison::surrounded(&config("config/kraft_like.toml"), &scenario("contact_10s"));
+    let config = comparison::surrounded(&config(KRAFT), &scenario("contact_10s"));
     let mut rate = pressed(&config, CommandMode::Rate);
     let before = rate.last.output.adjusted;
     assert_eq!(rate.refused("align"), AdjustmentError::NotPose);
@@ -272,10 +257,10 @@ fn refusals_name_their_reason_and_change_nothing() {
 
 #[test]
 fn buttons_of_the_switch_box_adjust_and_take_back() {
-    let text = std::fs::read_to_string("config/kraft_like.toml").unwrap();
+    let text = fs::read_to_string(KRAFT).unwrap();
     let buttons = "[[switches.button]]\nbit = 4\npress = \"scale motion 0.5\"\n[[switches.button]]\nbit = 6\npress = \"lock rz on\"\n\
                    [[switches.button]]\nbit = 7\npress = \"align\"\n";
-    let config = parse(&format!("{text}\n{buttons}")).unwrap();
+    let config = parse(KRAFT, &format!("{text}\n{buttons}"));
     let levels = |at: f64, bits: &str| format!("[[switch]]\nat_s = {at:?}\nbuttons = {bits}\n");
     let none = "[false, false, false, false]";
     let presses = [

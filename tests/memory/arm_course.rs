@@ -2,16 +2,12 @@
 //!
 //! The limits are the same as long as neither side reaches its own: those of the servo, and those of the joints, which
 //! the free object does not have. A course ends where the arm reaches one, or a singular value of 0.05.
-#![cfg(test)]
 
-use std::path::Path;
-
-use config::Config;
+use crate::common::prelude::*;
 use config::robots::RobotArm;
 use robot::following_arm::FollowingArm;
 use robot::joint_limits::JointLimits;
 use robot::object::{Object, Servo};
-use units::spatial::{Motion, Twist, Wrench};
 
 const DT: f64 = 1e-3;
 
@@ -106,8 +102,8 @@ fn course(
 
 #[test]
 fn shipped_arms_follow_lines_and_turns_as_the_free_object() {
-    let servo = Config::load(Path::new("config/kraft_like.toml")).unwrap().remote.servo;
-    for file in ["config/robots/puma560.toml", "config/robots/eight_r_synthetic.toml"] {
+    let servo = config(KRAFT).remote.servo;
+    for file in [PUMA, "config/robots/eight_r_synthetic.toml"] {
         let arm = RobotArm::load(Path::new(file)).unwrap();
         for axis in 0..6 {
             for (sign, is_pose) in [(1.0, false), (-1.0, false), (1.0, true), (-1.0, true)] {

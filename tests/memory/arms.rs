@@ -1,43 +1,29 @@
 //! Arms other than the default one: balanced with a prismatic joint, with a spherical wrist and an offset grip, and
 //! with coupled actuators.
-#![cfg(test)]
-
-use std::path::Path;
 
 use nalgebra::SVector;
 
 use crate::common::oracle;
-use config::Config;
-use node::record::{Mode, Record};
-use sim::scenario::Scenario;
+use crate::common::prelude::*;
 use telemetry::summary::Summary;
-use testbench::bench::Bench;
-use testbench::world;
 use units::drive::{Counts, PerMille};
 
 const CONTACT: &str = include_str!("../../config/scenarios/contact_10s.toml");
 
-fn config(name: &str) -> Config {
-    let file = Path::new("config").join(name);
-    Config::load(&file).unwrap_or_else(|invalid| panic!("{invalid}"))
-}
-
 /// The default arm with the elbow's motor on the base, behind a parallelogram.
 fn coupled() -> Config {
-    let text = std::fs::read_to_string("config/kraft_like.toml").unwrap();
+    let text = fs::read_to_string(KRAFT).unwrap();
     let coupling = "[coupling]\nmatrix = [\n    [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],\n    \
         [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],\n    [0.0, -1.0, 1.0, 0.0, 0.0, 0.0],\n    \
         [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],\n    [0.0, 0.0, 0.0, 0.0, 1.0, 0.0],\n    \
         [0.0, 0.0, 0.0, 0.0, 0.0, 1.0],\n]\noffset_rad_or_m = [0.0, 0.0, 0.3, 0.0, 0.0, 0.0]\n\n";
     let text = text.replacen("[switches]", &format!("{coupling}[switches]"), 1);
-    Config::parse(Path::new("config/kraft_like.toml"), &text).unwrap()
+    parse(KRAFT, &text)
 }
 
 /// Runs ten seconds of contact, calls `look` with every record, and returns the summary.
 fn contact(config: &Config, mut look: impl FnMut(&Record)) -> Summary {
-    let scenario = Scenario::parse(CONTACT).unwrap();
-    let mut bench = Bench::new(config, scenario, 1, ());
-    bench.bring_up().unwrap();
+    let mut bench = started(config, script(CONTACT), ());
     let mut summary = Summary::default();
     for _ in 0..10_000 {
         let record = bench.cycle();
@@ -57,7 +43,7 @@ fn assert_felt(summary: &Summary) {
 
 #[test]
 fn balanced_arm_with_a_prismatic_joint_feels_the_wall() {
-    let config = config("jpl_like.toml");
+    let config = config(JPL);
     let summary = contact(&config, |record| {
         assert!(record.output.ledger.gravity.norm() == 0.0, "a balanced arm has no gravity torque");
         let slide = record.output.q[2];
@@ -68,7 +54,7 @@ fn balanced_arm_with_a_prismatic_joint_feels_the_wall() {
 
 #[test]
 fn arm_with_the_grip_off_the_wrist_feels_the_wall() {
-    assert_felt(&contact(&config("sixr_spherical.toml"), |_| ()));
+    assert_felt(&contact(&config(SIXR), |_| ()));
 }
 
 #[test]
@@ -93,7 +79,7 @@ fn coupled_actuators_exert_the_joint_torques() {
         // The simulation computes gravity independently of the controller.
         let posture = arm.posture(&SVector::from(record.output.q));
         let carried = arm.gravity(&posture);
-        let full = record.at.since(units::time::Instant::ZERO).as_secs_f64() > 3.0;
+        let full = record.at.since(Instant::ZERO).as_secs_f64() > 3.0;
         assert!(!full || (carried - record.output.ledger.gravity).norm() < 1e-9);
     });
     assert!(compared > 5_000);
@@ -116,7 +102,8 @@ fn coupled_counts_and_torques_round_trip() {
 #[test]
 fn shipped_arms_match_the_oracles() {
     for name in ["kraft_like", "jpl_like", "sixr_spherical"] {
-        let (ours, reference) = (config(&format!("{name}.toml")).controller.arm, oracle::arm(name));
+        let (ours, reference) =
+            (config(&format!("config/{name}.toml")).controller.arm, oracle::arm(name));
         for case in oracle::list(&oracle::oracle(&format!("{name}.json"))["configs"]) {
             let q = oracle::joints(&case["q"]);
             let (posture, expected) = (ours.posture(&q), reference.posture(&q));
@@ -134,7 +121,7 @@ fn shipped_arms_match_the_oracles() {
 fn stays_when_released(config: &Config) -> Record {
     let release = "seconds = 4\n[[console]]\nat_s = 0.3\nrequest = \"arm\"\n\
         [[hold]]\nat_s = 1.8\nholding = false\n";
-    let mut bench = Bench::new(config, Scenario::parse(release).unwrap(), 1, ());
+    let mut bench = Bench::new(config, script(release), 1, ());
     bench.bring_up().unwrap();
     bench.run(1_900);
     let released = *bench.world_mut().plant().q();
@@ -148,13 +135,13 @@ fn stays_when_released(config: &Config) -> Record {
 
 #[test]
 fn released_arm_stays_in_place() {
-    stays_when_released(&config("sixr_spherical.toml"));
+    stays_when_released(&config(SIXR));
     stays_when_released(&coupled());
 }
 
 #[test]
 fn released_balanced_arm_stays_in_place_at_zero_torque() {
-    assert_eq!(stays_when_released(&config("jpl_like.toml")).targets, [0; 6]);
+    assert_eq!(stays_when_released(&config(JPL)).targets, [0; 6]);
 }
 
 #[test]

@@ -2,43 +2,18 @@
 //!
 //! `GOLDEN=write cargo test --test memory boot::` rewrites the transcripts; check the difference before you
 //! commit it.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::path::Path;
-use std::time::Duration;
-
-use crate::common::bench::{Wire, scenario, until};
 use crate::common::golden::compare;
-use bus::Bus;
-use canopen::drive::State;
-use canopen::frame::Frame;
-use canopen::master::event::Event;
+use crate::common::prelude::*;
 use canopen::master::steps::Configuration;
-use config::Config;
 use node::BringUpError;
-use node::record::Mode;
-use testbench::bench::Bench;
-use units::numbering::{Joint, NodeIndex};
-use units::time::Instant;
+use units::numbering::NodeIndex;
 
-const FILE: &str = "config/kraft_like_500hz.toml";
-const TEXT: &str = include_str!("../../config/kraft_like_500hz.toml");
 const SWITCHES: usize = 6;
 
-/// Simulated robot of [`TEXT`] with replacements, and the frames on its buses.
+/// Simulated robot of [`KRAFT_500HZ_TEXT`] with replacements, and the frames on its buses.
 fn bench(changes: &[(&str, &str)]) -> (Bench<Wire>, Wire) {
-    let mut text = TEXT.to_owned();
-    for (from, to) in changes {
-        assert!(text.contains(from), "{from}");
-        text = text.replace(from, to);
-    }
-    let config = Config::parse(Path::new(FILE), &text).unwrap();
+    let config = parse(KRAFT_500HZ, &changed(KRAFT_500HZ_TEXT, changes));
     let wire = Wire::default();
     (Bench::new(&config, scenario("free"), 1, wire.clone()), wire)
 }

@@ -1,53 +1,22 @@
 //! Boots as drives do them and people set them up: swapped drives, warnings by EMCY, slow enabling.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::path::Path;
-use std::time::Duration;
-
-use crate::common::bench::{Wire, until};
-use bus::Bus;
-use canopen::master::event::Event;
-use config::shipped::HAND_CONTROLLERS;
-use config::{Config, files};
-use node::Request;
-use node::cause::Cause;
-use node::record::Mode;
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::numbering::Joint;
-use units::time::Instant;
-
-const PER_DRIVE: &str = "config/kraft_like_500hz.toml";
-const ELBOW: Joint = Joint::of::<3>();
-
-fn text(file: &str) -> String {
-    String::from_utf8(files::read(file.as_ref()).unwrap()).unwrap()
-}
-
-fn parse(file: &str, text: &str) -> Config {
-    Config::parse(Path::new(file), text).unwrap_or_else(|invalid| panic!("{file}: {invalid}"))
-}
+use crate::common::prelude::*;
 
 fn bench(world: &Config, config: &Config, faults: &str) -> Bench<Wire> {
-    let scenario = Scenario::parse(&format!("seconds = 20\n{faults}")).unwrap();
+    let scenario = script(&format!("seconds = 20\n{faults}"));
     Bench::in_world_of(world, config, scenario, 1, Wire::default())
 }
 
 #[test]
 fn swapped_drives_are_named_and_a_wrong_rating_is_not() {
-    let right = text(PER_DRIVE);
+    let right = text(KRAFT_500HZ);
     let world = right
         .replace("\nnode_id = 2\n", "\nnode_id = 93\n")
         .replace("\nnode_id = 3\n", "\nnode_id = 2\n")
         .replace("\nnode_id = 93\n", "\nnode_id = 3\n");
     assert_ne!(world, right);
-    let config = parse(PER_DRIVE, &right);
-    let error = bench(&parse(PER_DRIVE, &world), &config, "").bring_up().unwrap_err().to_string();
+    let config = parse(KRAFT_500HZ, &right);
+    let error = bench(&parse(KRAFT_500HZ, &world), &config, "").bring_up().unwrap_err().to_string();
     let remedy =
         "so the drives seem to be swapped: exchange their node-ids or cables, not their keys";
     let lines: Vec<&str> = error.lines().collect();
@@ -66,13 +35,8 @@ fn swapped_drives_are_named_and_a_wrong_rating_is_not() {
     );
 
     let world = right.replace("rated_torque_nm = 0.1307", "rated_torque_nm = 0.1765");
-    let error = bench(&parse(PER_DRIVE, &world), &config, "").bring_up().unwrap_err().to_string();
+    let error = bench(&parse(KRAFT_500HZ, &world), &config, "").bring_up().unwrap_err().to_string();
     assert!(error.contains("correct rated_torque_nm") && !error.contains("swapped"), "{error}");
-}
-
-/// Returns `text` with a line in each joint.
-fn in_each_joint(text: &str, line: &str) -> String {
-    text.replace("\nencoder_counts_per_rev", &format!("\n{line}\nencoder_counts_per_rev"))
 }
 
 /// Returns an armed bench of the file whose joints list these codes.
@@ -115,21 +79,21 @@ fn hazard_07_listed_emergency_warns_and_every_other_one_stops() {
 
 #[test]
 fn error_reset_is_no_warning_to_list() {
-    let text = in_each_joint(&text(PER_DRIVE), "emcy_warnings = [0x0000]");
-    let refused = Config::parse(Path::new(PER_DRIVE), &text).map(|_| ()).unwrap_err().to_string();
+    let text = in_each_joint(&text(KRAFT_500HZ), "emcy_warnings = [0x0000]");
+    let refused = refusal(KRAFT_500HZ, &text);
     assert!(refused.contains("emcy_warnings") && refused.contains("error reset"), "{refused}");
 }
 
 #[test]
 fn time_to_enable_is_that_of_the_file() {
-    let right = text(PER_DRIVE);
+    let right = text(KRAFT_500HZ);
     let stuck = "[[fault]]\nat_s = 0\nkind = \"controlword_ignored\"\njoint = 3\n";
     let mut took = Vec::new();
     for key in ["", "enable_ms = 500\n", "enable_ms = 4000\n"] {
-        let config = parse(PER_DRIVE, &right.replace("[safety]\n", &format!("[safety]\n{key}")));
+        let config = parse(KRAFT_500HZ, &right.replace("[safety]\n", &format!("[safety]\n{key}")));
         let wire = Wire::default();
-        let scenario = Scenario::parse(&format!("seconds = 20\n{stuck}")).unwrap();
-        let mut bench = Bench::new(&config, scenario, 1, wire.clone());
+        let mut bench =
+            Bench::new(&config, script(&format!("seconds = 20\n{stuck}")), 1, wire.clone());
         let error = bench.bring_up().unwrap_err().to_string();
         assert!(error.starts_with("joint 3:") || error.contains("joint 3"), "{error}");
         let syncs = wire.since(Instant::ZERO, 0x80);

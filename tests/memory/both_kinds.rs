@@ -1,30 +1,16 @@
 //! Rate, pose, indexing, rate control that becomes force control in contact, and shared control: the same bodies with the
 //! object in the node's own scene, and with a robot in another process behind a real socket.
-#![allow(
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
-
-use std::time::Duration;
 
 use nalgebra::{Isometry3, Vector3};
 
 use crate::common::linked::{LINK, linked_text};
-use crate::linked_node::{Handle, LinkedSide, Network, parse};
-use bus::Bus;
+use crate::common::prelude::*;
+use crate::linked_node::{Handle, LinkedSide, Network};
 use controller::switches::CommandMode;
-use memory_bus::Memory;
-use node::record::{Mode, Record};
-use node::{Node, Request};
+use node::Node;
 use remote::site::VirtualSite;
 use remote::stated::Misfit;
 use remote::{Command, Remote, RemoteSample, SideError};
-use sim::scenario::Scenario;
-use sim::world::World;
-use testbench::world;
-use units::spatial::Motion;
-use units::time::Instant;
 
 /// Commanded side of either kind.
 enum Side {
@@ -122,13 +108,13 @@ fn over_both(
     mode: CommandMode,
     body: impl Fn(&mut Rig) -> Vector3<f64>,
 ) {
-    let mut text = std::fs::read_to_string("config/kraft_like.toml").unwrap();
+    let mut text = fs::read_to_string(KRAFT).unwrap();
     for (old, new) in changes {
         assert!(text.contains(old), "{old}");
         text = text.replacen(old, new, 1);
     }
-    let far = parse(&text).unwrap();
-    let near = parse(&linked_text(&text, LINK)).unwrap();
+    let far = parse(KRAFT, &text);
+    let near = parse(KRAFT, &linked_text(&text, LINK));
     let linked = LinkedSide::new(&near, &far, Network::default(), Handle::default().into());
     let site = VirtualSite::new(&far.remote, far.period);
     let sides = [

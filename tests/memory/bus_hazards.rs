@@ -1,29 +1,11 @@
 //! The hazards of the bus, the adapter and the host (21 to 26, 28, 29 and 31), at several phases of a cycle: the
 //! reaction of the node, and the time until the drives are torque-free.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
-
-use std::time::Duration;
 
 use proptest::prelude::*;
 
-use crate::common::bench::{Wire, config};
-use bus::Bus;
-use canopen::frame::{Channel, Frame};
+use crate::common::prelude::*;
 use faults::{Disturbance, Fault, HostFault, Target};
-use node::Request;
 use node::cause::CauseKind;
-use node::record::{Mode, Record};
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::time::Instant;
-
-const KRAFT: &str = "config/kraft_like.toml";
 
 const BUS: Channel = Channel(0);
 
@@ -55,9 +37,7 @@ impl Run {
     /// Runs until the operator is engaged, and injects `faults`, whose times count from the next SYNC.
     fn with(faults: &[Fault]) -> Self {
         let (config, wire) = (config(KRAFT), Wire::default());
-        let script = Scenario::parse(SCRIPT).unwrap();
-        let mut bench = Bench::new(&config, script, 1, wire.clone());
-        bench.bring_up().unwrap();
+        let mut bench = started(&config, script(SCRIPT), wire.clone());
         bench.run(SETTLED);
         let last = bench.cycle();
         assert_eq!(last.mode, Mode::Engaged);
@@ -98,7 +78,7 @@ impl Run {
         let syncs = self.wire.since(self.onset, 0x080).into_iter();
         let all = self.wire.all();
         let on_bus = |at: Instant| {
-            let is_it = |(when, telegram): &(Instant, canopen::frame::Telegram)| {
+            let is_it = |(when, telegram): &(Instant, Telegram)| {
                 *when == at && telegram.channel == BUS && telegram.frame.cob_id == 0x080
             };
             all.iter().any(is_it)
@@ -226,8 +206,7 @@ fn hazard_24_reset_needs_the_interface() {
 /// Returns the end of a boot of the network with a disturbance this many ms after its start.
 fn booted(after_ms: u64, disturbance: Disturbance) -> (Result<(), String>, Wire) {
     let wire = Wire::default();
-    let script = Scenario::parse(SCRIPT).unwrap();
-    let mut bench = Bench::new(&config(KRAFT), script, 1, wire.clone());
+    let mut bench = Bench::new(&config(KRAFT), script(SCRIPT), 1, wire.clone());
     bench.bus_mut().inject(Instant::ZERO, &on_bus(1_000 * after_ms, disturbance));
     (bench.bring_up().map_err(|error| error.to_string()), wire)
 }

@@ -1,29 +1,16 @@
 //! Small campaigns: their promises, and their repeatability. The large ones run from scripts/test.sh and
 //! scripts/soak.sh.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::num::NonZero;
-use std::time::Duration;
 
-use crate::common::bench::{Wire, config};
+use crate::common::prelude::*;
 use campaign::case::Case;
 use campaign::run::{Campaign, Part};
 use campaign::situation::Situation;
 use campaign::table::Table;
 use campaign::verdict::{Outcome, Verdict};
 use campaign::{catalogue, soak, timers};
-use config::Config;
-use config::shipped::HAND_CONTROLLERS;
 use node::{BringUpError, cause};
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::time::Instant;
 
 const SEED: u64 = 7;
 
@@ -96,9 +83,8 @@ fn cases_of_all_files_are_replayed_from_their_own_boots() {
 fn forged_statusword_is_a_drive_that_left() {
     let forged = "kind = \"foreign_frame\", bus = 0, cob_id = 0x286, payload = \"7614\"";
     let scenario = format!("seconds = 1.0\nfault = [{{ at_s = 0.5, {forged} }}]");
-    let config = config("config/kraft_like.toml");
-    let scenario = Scenario::parse(&scenario).unwrap();
-    let mut bench = Bench::new(&config, scenario, SEED, Wire::default());
+    let config = config(KRAFT);
+    let mut bench = Bench::new(&config, script(&scenario), SEED, Wire::default());
     bench.bring_up().unwrap();
     let cause = (0..600).find_map(|_| bench.cycle().cause);
     assert_eq!(cause.map(|cause| cause.kind()), Some(cause::CauseKind::DriveLeft));
@@ -106,8 +92,8 @@ fn forged_statusword_is_a_drive_that_left() {
 
 #[test]
 fn boot_without_end_is_given_up_in_virtual_time() {
-    let scenario = Scenario::parse("seconds = 1.0").unwrap();
-    let config = config("config/kraft_like.toml");
+    let scenario = script("seconds = 1.0");
+    let config = config(KRAFT);
     let mut bench = Bench::new(&config, scenario, SEED, Wire::default());
     let given_up = bench.bring_up_within(Duration::from_millis(100));
     assert!(matches!(given_up, Err(BringUpError::GivenUp | BringUpError::LeftOn(_))));
@@ -207,8 +193,7 @@ fn promise_02_drives_of_a_killed_node_stop_by_themselves() {
 #[test]
 fn promise_02_and_03_expected_times_are_those_of_the_proof_test() {
     for config in configs() {
-        let scenario = Scenario::parse("seconds = 1.0").unwrap();
-        let mut bench = Bench::new(&config, scenario, SEED, Wire::default());
+        let mut bench = Bench::new(&config, script("seconds = 1.0"), SEED, Wire::default());
         bench.bring_up().unwrap();
         let proven = bench.node().proof_test_report().reaction_time().unwrap();
         // What is measured includes the drive's report.

@@ -1,27 +1,19 @@
 //! Every gain of the controller, changed by a millionth: a replay names the first intermediate of the law that depends on it.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::cell::RefCell;
 use std::io::Cursor;
 use std::ops::Range;
-use std::path::Path;
 use std::rc::Rc;
 
-use config::Config;
+use crate::common::prelude::*;
 use config::files::Files;
 use config::trust::Trust;
 use inputs::intermediates::Digest;
 use inputs::{Input, InputSink, InputWriter};
 use replay::{End, Replay};
-use sim::scenario::Scenario;
-use testbench::bench::{Bench, Course};
+use testbench::bench::Course;
 use testbench::side::Side;
 
-const CONFIG: &str = "config/kraft_like.toml";
 const SCENARIO: &str = "config/scenarios/teleoperation.toml";
 
 /// The first intermediate that differs, for each number of a key; `-` where the session does not exercise it.
@@ -68,7 +60,7 @@ impl InputSink for Recording {
 /// Records the scenario.
 fn recorded(config: &Config) -> Vec<u8> {
     let recording = Recording(Rc::new(RefCell::new(InputWriter::begin(Vec::new()).unwrap())));
-    let scenario = Scenario::parse(&std::fs::read_to_string(SCENARIO).unwrap()).unwrap();
+    let scenario = script(&fs::read_to_string(SCENARIO).unwrap());
     let cycles = u64::try_from(config.period.as_micros()).unwrap();
     let cycles = 60_000_000 / cycles;
     let course = Course { scenario, seed: 1, speed: None };
@@ -130,18 +122,18 @@ fn gains(text: &str) -> Vec<(&str, Vec<Range<usize>>)> {
 #[test]
 fn gain_changed_by_a_millionth_is_named_by_its_intermediate() {
     let files = Files::on_disk(Trust::Any);
-    let config = Config::load_from(&files, Path::new(CONFIG)).unwrap();
+    let config = Config::load_from(&files, Path::new(KRAFT)).unwrap();
     let inputs = recorded(&config);
     assert_eq!(first_difference(&config, &inputs), "-");
-    let text = std::fs::read_to_string(CONFIG).unwrap();
+    let text = fs::read_to_string(KRAFT).unwrap();
     let mut found = Vec::new();
     for (key, places) in gains(&text) {
         let first = places.into_iter().map(|place| {
             let changed = text[place.clone()].parse::<f64>().unwrap() * (1.0 + 1e-6);
             let text = format!("{}{changed}{}", &text[..place.start], &text[place.end..]);
             let mut copies = files.copies();
-            copies.insert(CONFIG.into(), text.into_bytes().into());
-            let changed = Config::load_from(&Files::copied(copies), Path::new(CONFIG)).unwrap();
+            copies.insert(KRAFT.into(), text.into_bytes().into());
+            let changed = Config::load_from(&Files::copied(copies), Path::new(KRAFT)).unwrap();
             first_difference(&changed, &inputs)
         });
         let first = first.collect::<Vec<_>>().join(" ");

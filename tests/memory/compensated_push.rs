@@ -1,21 +1,8 @@
 //! Pushes on arms with other friction than configured, hands off: friction compensation drives no joint on.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::print_stdout,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test; figures are to be seen"
-)]
 
-use std::path::Path;
-
-use crate::common::bench::scenario;
-use config::Config;
+use crate::common::prelude::*;
 use controller::arm::JointKind;
 use experiments::fidelity::script::{Course, HANDS};
-use node::record::Mode;
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::numbering::Joint;
 
 /// Real friction, as shares of the configured one: 1.0 is what the gains were chosen for.
 const FRICTION: [f64; 5] = [0.3, 0.5, 0.6, 1.0, 1.5];
@@ -30,14 +17,10 @@ const LET_GO: &str = "seconds = 60\n\
     [[move]]\nat_s = 2.0\nduration_s = 1.2\nto_m = [0.05, 0.0, 0.0]\n\
     [[hold]]\nat_s = 4.0\nholding = false\n";
 
-fn config(name: &str) -> Config {
-    Config::load(Path::new(&format!("config/{name}.toml"))).unwrap()
-}
-
 /// Returns an engaged arm that no hand holds, with `friction` times the configured friction.
 fn released(config: &Config, friction: f64) -> Bench<()> {
     let world = config.clone().with_friction(friction);
-    let scenario = Scenario::parse(LET_GO).unwrap();
+    let scenario = script(LET_GO);
     let mut bench = Bench::in_world_of(&world, config, scenario, 1, ());
     bench.bring_up().unwrap();
     bench.run(config.controller.period.cycles(5.0).into());
@@ -86,7 +69,7 @@ fn push(mut bench: Bench<()>, config: &Config, joint: Joint, torque: f64) -> Coa
 
 /// Pushes every joint both ways with four times its dry friction.
 fn pushed_joints_come_to_rest(name: &str) {
-    let config = config(name);
+    let config = config(&format!("config/{name}.toml"));
     for friction in FRICTION {
         let bench = released(&config, friction);
         let mut worst = Coasting::default();
@@ -152,7 +135,7 @@ fn hands_of_the_experiment_keep_their_compensation() {
 
 /// Plays the experiment `fidelity`: all its holds, and a release in rate mode.
 fn keeps_compensation(name: &str, hand: usize, friction: f64) {
-    let config = config(name);
+    let config = config(&format!("config/{name}.toml"));
     let world = config.clone().with_friction(friction);
     for (course, felt_n) in [(Course::Full, 9.0), (Course::RateRelease, 2.0)] {
         let scenario = course.script(&config, &HANDS[hand], felt_n).unwrap();
@@ -169,7 +152,7 @@ fn keeps_compensation(name: &str, hand: usize, friction: f64) {
 
 #[test]
 fn joint_almost_without_friction_stays_slow() {
-    let config = config("sixr_spherical");
+    let config = config(SIXR);
     let bench = released(&config, 0.05);
     for joint in Joint::ALL {
         let torque = 2.0 * config.joints[joint.index()].plant.friction.coulomb;
@@ -182,8 +165,8 @@ fn joint_almost_without_friction_stays_slow() {
 #[test]
 fn teleoperation_keeps_its_compensation() {
     for name in ["kraft_like", "jpl_like", "sixr_spherical"] {
-        let mut bench = Bench::new(&config(name), scenario("teleoperation"), 1, ());
-        bench.bring_up().unwrap();
+        let mut bench =
+            started(&config(&format!("config/{name}.toml")), scenario("teleoperation"), ());
         while bench.elapsed().as_secs_f64() < 60.0 {
             let record = bench.cycle();
             assert_eq!(record.output.ledger.self_driven, None, "{name} at {:?}", bench.elapsed());

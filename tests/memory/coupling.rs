@@ -1,16 +1,9 @@
 //! Virtual coupling in pose mode: the object stops at surfaces, and the hand feels what they carry. Felt forces are those
 //! of the simulation: of its motors, and of its hand.
-#![cfg(test)]
 
-use std::path::Path;
-
-use config::Config;
+use crate::common::prelude::*;
+use crate::common::refusals::are_refused;
 use controller::JointVector;
-use node::record::{Mode, Record};
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use testbench::world;
-use units::spatial::{Motion, Wrench};
 
 /// 5 kN/m and 20 N·m/rad.
 const SECTION: &str = "[controller.virtual_coupling]\nstiffness_n_per_m = [5000.0, 5000.0, 5000.0]\n\
@@ -25,7 +18,7 @@ const PRESS: &str = "seconds = 9\n[[console]]\nat_s = 0.3\nrequest = \"mode pose
 
 /// Returns a shipped configuration with a wall and a nearer box of `stiffness` N/m, with `section` for `[remote]`.
 fn text(name: &str, stiffness: f64, section: &str) -> String {
-    let text = std::fs::read_to_string(format!("config/{name}.toml")).unwrap();
+    let text = fs::read_to_string(format!("config/{name}.toml")).unwrap();
     let surface = format!("stiffness_n_per_m = {stiffness:.1}\ndamping");
     let text = text.replace("stiffness_n_per_m = 2000.0\ndamping", &surface);
     let text = text.replace("centre_m = [0.4, 0.25, 0.3]", "centre_m = [0.4, 0.12, 0.3]");
@@ -33,7 +26,7 @@ fn text(name: &str, stiffness: f64, section: &str) -> String {
 }
 
 fn parsed(name: &str, text: &str) -> Config {
-    Config::parse(Path::new(&format!("config/{name}.toml")), text).unwrap()
+    parse(&format!("config/{name}.toml"), text)
 }
 
 fn config(name: &str, stiffness: f64, section: &str) -> Config {
@@ -42,10 +35,7 @@ fn config(name: &str, stiffness: f64, section: &str) -> Config {
 
 /// Returns a bench after its boot, whose hand moves by `to`.
 fn bench(config: &Config, to: [f64; 3]) -> Bench<()> {
-    let script = PRESS.replace("TO", &format!("{to:?}"));
-    let mut bench = Bench::new(config, Scenario::parse(&script).unwrap(), 1, ());
-    bench.bring_up().unwrap();
-    bench
+    started(config, script(&PRESS.replace("TO", &format!("{to:?}"))), ())
 }
 
 fn run_until(bench: &mut Bench<()>, seconds: f64) {
@@ -165,7 +155,7 @@ fn coupled_object_has_no_lag_of_its_servo_in_free_motion() {
 fn coupling_to_an_object_that_no_surface_stops_is_refused() {
     let robot = text("kraft_like", 2_000.0, SECTION).replace("\"virtual\"", "\"robot\"");
     let line = robot.lines().position(|line| line == "[controller.virtual_coupling]").unwrap() + 1;
-    let refused = Config::parse(Path::new("robot.toml"), &robot).unwrap_err().to_string();
+    let refused = refusal("robot.toml", &robot);
     let expected = format!(
         "robot.toml:{line}: controller.virtual_coupling: needs an object that surfaces stop"
     );
@@ -175,13 +165,10 @@ fn coupling_to_an_object_that_no_surface_stops_is_refused() {
 
 #[test]
 fn coupling_with_a_stiffness_out_of_range_is_refused_by_key() {
-    for (wrong, reason) in
-        [("0.0", "must be above zero, got 0"), ("2e6", "2000000 is not within 0 and 1000000")]
-    {
-        let section = SECTION.replacen("5000.0", wrong, 1);
-        let text = text("kraft_like", 2_000.0, &section);
-        let refused = Config::parse(Path::new("wrong.toml"), &text).unwrap_err().to_string();
-        let key = "controller.virtual_coupling.stiffness_n_per_m";
-        assert!(refused.contains(key) && refused.contains(reason), "{refused}");
-    }
+    let key = "controller.virtual_coupling.stiffness_n_per_m";
+    let rows = [
+        (key, "[0.0, 5000.0, 5000.0]", "must be above zero, got 0"),
+        (key, "[2e6, 5000.0, 5000.0]", "stiffness, x: 2000000 is not within 0 and 1000000"),
+    ];
+    are_refused("wrong.toml", &text("kraft_like", 2_000.0, SECTION), &rows);
 }

@@ -1,30 +1,19 @@
 //! The cycle thread of `frhc run` without its thread: boots, requests, latch and stop, on the in-memory bus.
-#![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
 
 use std::cell::Cell;
-use std::fs;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use bus::{Bus, TappedBus};
-use canopen::frame::{Channel, Frame, Telegram};
+use crate::common::prelude::*;
+use bus::TappedBus;
 use canopen_device::station::Station;
-use config::Config;
 use controller::switches::CommandMode;
 use inputs::RecordedNode;
-use memory_bus::Memory;
-use node::Request;
-use node::record::Mode;
 use remote::site::VirtualSite;
 use run::console::request_queue::{self, Phase, RequestReceiver, RequestSender};
 use run::cycle_thread::{self, RunEnd};
 use run::exit::{Failure, Kind};
 use run::latch::LatchFile;
 use run::rings::{self, EntryConsumer, EntryProducer};
-use sim::scenario::Scenario;
-use sim::world::World;
-use testbench::world;
-use units::time::Instant;
 
 /// A node without threads, on an in-memory bus.
 struct Bench<S> {
@@ -47,7 +36,7 @@ impl<S: Station> Bench<S> {
             drop(set());
         }
         let latch = set();
-        let config = config();
+        let config = config(KRAFT);
         let (producer, consumer, _) = rings::rings();
         let bus = TappedBus::new(Memory::new(&[1_000_000], stations, ()), producer);
         let side = VirtualSite::new(&config.remote, config.period);
@@ -93,12 +82,8 @@ fn after_cycles(cycles: u32, sender: &RequestSender) -> impl Fn() -> bool + use<
     }
 }
 
-fn config() -> Config {
-    Config::load(Path::new("config/kraft_like.toml")).unwrap()
-}
-
 fn bench(name: &str, crashed: bool) -> Bench<World> {
-    let world = world::build(&config(), Scenario::parse("seconds = 60").unwrap(), 1);
+    let world = world::build(&config(KRAFT), script("seconds = 60"), 1);
     Bench::new(name, crashed, world)
 }
 

@@ -1,42 +1,20 @@
 //! Link with delay between node and object: it transmits contact forces, an outage disables force reflection, and `check`
 //! includes the delay.
-#![allow(
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
-
-use std::path::Path;
-use std::time::Duration;
 
 use crate::common::bench::press_script;
-use config::{Config, RemoteLink};
-use node::Request;
-use node::cause::Cause;
-use node::record::Mode;
+use crate::common::prelude::*;
+use config::RemoteLink;
 use remote::delay::DelaySettings;
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::spatial::Motion;
-use units::time::Instant;
-
-const KRAFT: &str = "config/kraft_like.toml";
-const TEXT: &str = include_str!("../../config/kraft_like.toml");
 
 /// The node is armed by the script.
 const ARM: &str = "[[console]]\nat_s = 0.1\nrequest = \"arm\"\n";
 
-const MS: Duration = Duration::from_millis(1);
-
 /// Returns a bench with a link and an object 0.1 mm from the wall.
 fn pressing(settings: DelaySettings) -> Bench<()> {
-    let text = TEXT.replace("start_m = [0.4,", "start_m = [0.4499,");
-    let config = Config::parse(Path::new(KRAFT), &text).unwrap();
+    let text = KRAFT_TEXT.replace("start_m = [0.4,", "start_m = [0.4499,");
+    let config = parse(KRAFT, &text);
     let link = RemoteLink { simulated: Some(settings), ..config.link };
-    let scenario = Scenario::parse(&(press_script(0.2) + ARM)).unwrap();
-    let mut bench = Bench::new(&config.with_link(link), scenario, 1, ());
-    bench.bring_up().unwrap();
-    bench
+    started(&config.with_link(link), script(&(press_script(0.2) + ARM)), ())
 }
 
 /// Presses for 2 s through a link with this delay in ms. Returns the time at which 0.1 N is first felt, and the largest
@@ -103,7 +81,7 @@ fn link_slower_than_the_maximum_age_is_never_armed() {
 
 fn read(link: &str, gain: &str) -> Result<Config, String> {
     let gains = format!("wrench_gain = [{gain}, {gain}, {gain}, {gain}, {gain}, {gain}]");
-    let text = TEXT.replace("wrench_gain = [0.3, 0.3, 0.3, 0.15, 0.15, 0.15]", &gains);
+    let text = KRAFT_TEXT.replace("wrench_gain = [0.3, 0.3, 0.3, 0.15, 0.15, 0.15]", &gains);
     let text = format!("{text}\n[remote.link]\n{link}\n");
     Config::parse(Path::new(KRAFT), &text).map_err(|invalid| invalid.to_string())
 }

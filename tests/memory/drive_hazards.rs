@@ -1,48 +1,15 @@
 //! Faults of a drive, and drives without their master: hazards 1 to 17 as far as they concern drives, and the proof
 //! test at every power-up.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::path::Path;
-use std::time::Duration;
-
+use crate::common::prelude::*;
 use canopen_rs::NmtState;
 
-use crate::common::bench::{Wire, config, until};
-use bus::Bus;
-use canopen::drive::State;
-use canopen::frame::{Channel, Frame};
-use canopen::object::Object;
-use canopen_device::station::Station;
-use config::Config;
-use faults::Disturbance;
-use node::Request;
-use node::cause::Cause;
-use node::record::{Mode, Record};
-use sim::quirks::Quirk;
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::numbering::Joint;
-use units::time::Instant;
-
-const KRAFT: &str = "config/kraft_like.toml";
-const ELBOW: Joint = Joint::of::<3>();
-
-fn bench_of(config: &Config, faults: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) {
-    let mut script = Scenario::parse(&format!("seconds = 9\n{faults}")).unwrap();
-    let quirks = quirks.iter().map(|it| it.parse::<Quirk>().unwrap());
-    script.quirks_mut().add(ELBOW, quirks);
-    let wire = Wire::default();
-    (Bench::new(config, script, 1, wire.clone()), wire)
+pub(crate) fn bench_of(config: &Config, faults: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) {
+    crate::common::bench::bench_of(config, &format!("seconds = 9\n{faults}"), quirks)
 }
 
 /// Returns an armed node with gravity compensation, 0.3 s after arming.
-fn armed() -> (Bench<Wire>, Wire) {
+pub(crate) fn armed() -> (Bench<Wire>, Wire) {
     let (mut bench, wire) = bench_of(&config(KRAFT), "", &[]);
     bench.bring_up().unwrap();
     arm(&mut bench);
@@ -50,7 +17,7 @@ fn armed() -> (Bench<Wire>, Wire) {
     (bench, wire)
 }
 
-fn arm(bench: &mut Bench<Wire>) {
+pub(crate) fn arm(bench: &mut Bench<Wire>) {
     bench.run(20);
     bench.ask(Request::Arm).unwrap();
     bench.run(280);
@@ -79,7 +46,7 @@ fn is_enabled(bench: &mut Bench<Wire>) -> [bool; 6] {
 }
 
 /// Returns the SDO downloads after the first SYNC.
-fn writes(wire: &Wire) -> Vec<Frame> {
+pub(crate) fn writes(wire: &Wire) -> Vec<Frame> {
     let all = wire.all();
     let since = all.iter().position(|(_, telegram)| telegram.frame.cob_id == 0x80).unwrap();
     let is_write = |frame: &Frame| {
@@ -90,32 +57,15 @@ fn writes(wire: &Wire) -> Vec<Frame> {
 }
 
 /// Scenario fault: a frame from an unknown station, `at_s` seconds after the first SYNC.
-fn foreign_frame(at_s: &str, cob_id: &str, payload: &str) -> String {
+pub(crate) fn foreign_frame(at_s: &str, cob_id: &str, payload: &str) -> String {
     format!(
         "[[fault]]\nat_s = {at_s}\nkind = \"foreign_frame\"\ncob_id = {cob_id}\npayload = \"{payload}\"\n"
     )
 }
 
-/// Gives the elbow's drive an SDO request that the node does not receive. The node does not receive the response
-/// either if `is_lost`.
-fn download_unseen(bench: &mut Bench<Wire>, request: [u8; 8], is_lost: bool) {
-    let now = bench.node().bus().now();
-    let drive = bench.world_mut().drive_mut(ELBOW).unwrap();
-    let mut replies = Vec::new();
-    drive.on_frame(now, Channel(0), &Frame::new(0x603, request), &mut replies);
-    assert_eq!(replies.len(), 1, "it responds at once");
-    if !is_lost {
-        let response = replies.remove(0).frame;
-        let flood = Disturbance::Flood(response);
-        bench.bus_mut().disturb(Channel(0), Some(flood));
-        bench.cycle();
-        bench.bus_mut().disturb(Channel(0), None);
-    }
-}
-
 #[test]
 fn promise_03_every_drive_timer_is_proven_before_arming() {
-    for file in [KRAFT, "config/jpl_like.toml"] {
+    for file in [KRAFT, JPL] {
         let (mut bench, wire) = bench_of(&config(file), "", &[]);
         bench.bring_up().unwrap();
         let report = bench.node().proof_test_report();
@@ -241,121 +191,6 @@ fn hazard_08_non_operational_heartbeat_stops_all_in_2_cycles() {
     }
 }
 
-#[test]
-fn hazard_26_download_by_another_client_switches_all_off() {
-    let timer = "2B00140500000000";
-    let by_blocks = "C2501F0100000000";
-    for (cob_id, payload) in [("0x603", timer), ("0x603", by_blocks), ("0x610", timer)] {
-        let fault = foreign_frame("0.9", cob_id, payload);
-        let (mut bench, _) = bench_of(&config(KRAFT), &fault, &[]);
-        bench.bring_up().unwrap();
-        arm(&mut bench);
-        let begun =
-            bench.node().bus().stations().scenario_start().unwrap() + Duration::from_millis(900);
-        let record = until(&mut bench, |record| record.mode.is_stopped());
-        assert_eq!(record.cause, Some(Cause::ForeignMaster), "{cob_id} {payload}");
-        assert_eq!((record.mode, record.targets), (Mode::DrivesOff, [0; 6]));
-        assert!(record.at.since(begun) <= Duration::from_millis(2));
-    }
-}
-
-#[test]
-fn hazard_26_own_heartbeat_from_another_node_switches_all_off() {
-    let text = std::fs::read_to_string(KRAFT).unwrap();
-    let moved = text.replace("node_id = 127 ", "node_id = 126 ");
-    assert_ne!(moved, text);
-    for (text, own, others) in [(&text, "0x77F", "0x77E"), (&moved, "0x77E", "0x77F")] {
-        let config = Config::parse(Path::new(KRAFT), text).unwrap();
-        for (cob_id, is_ours) in [(own, true), (others, false)] {
-            let fault = foreign_frame("0.9", cob_id, "05");
-            let (mut bench, _) = bench_of(&config, &fault, &[]);
-            bench.bring_up().unwrap();
-            arm(&mut bench);
-            let start = bench.node().bus().stations().scenario_start().unwrap();
-            let from = start + Duration::from_millis(900);
-            let end = from + Duration::from_millis(2);
-            let mut record = bench.cycle();
-            while record.at < end && record.cause.is_none() {
-                record = bench.cycle();
-            }
-            let cause = is_ours.then_some(Cause::ForeignMaster);
-            assert_eq!(record.cause, cause, "{cob_id}, own {own}");
-            if is_ours {
-                assert!(
-                    record.at + config.period >= from && record.mode == Mode::DrivesOff,
-                    "{record:?}"
-                );
-                assert_eq!(record.targets, [0; 6]);
-            }
-        }
-    }
-}
-
-#[test]
-fn hazard_26_foreign_download_response_switches_all_off() {
-    let (mut bench, _) = armed();
-    download_unseen(&mut bench, [0x2B, 0x00, 0x14, 5, 5, 0, 0, 0], false);
-    let record = until(&mut bench, |record| record.mode.is_stopped());
-    assert_eq!(record.cause, Some(Cause::ForeignMaster), "the response alone was received");
-}
-
-#[test]
-fn hazard_26_uploads_by_another_client_are_only_counted() {
-    let reads: String = (0..50)
-        .map(|n| {
-            foreign_frame(&format!("{:.3}", 0.7 + 0.01 * f64::from(n)), "0x603", "4041600000000000")
-        })
-        .collect();
-    let (mut bench, wire) = bench_of(&config(KRAFT), &reads, &[]);
-    bench.bring_up().unwrap();
-    arm(&mut bench);
-    bench.run(1_500);
-    let record = bench.cycle();
-    assert_eq!((record.cause, record.mode), (None, Mode::Armed));
-    assert_eq!((record.sdo.foreign_uploads, record.sdo.unread_settings), (50, 0));
-    let reports = std::iter::from_fn(|| bench.next_event()).map(|event| event.to_string());
-    let reports = reports.filter(|report| report.starts_with("another SDO client reads")).count();
-    assert_eq!(reports, 1, "reported once");
-    assert!(writes(&wire).is_empty());
-}
-
-#[test]
-fn hazard_26_changed_timer_is_detected_by_read_back() {
-    let (mut bench, wire) = bench_of(&config(KRAFT), "", &[]);
-    bench.bring_up().unwrap();
-    let begun = bench.node().bus().now();
-    download_unseen(&mut bench, [0x2B, 0x00, 0x14, 5, 0, 0, 0, 0], true);
-    let record = until(&mut bench, |record| record.mode.is_stopped());
-    let object = Object::rpdo_communication(1, 5);
-    let (node, expected, found) = (ELBOW.into(), 5, 0);
-    let cause = Cause::SettingChanged { node, object, expected, found };
-    assert_eq!((record.cause, record.mode), (Some(cause), Mode::DrivesOff));
-    assert_eq!(cause.to_string(), "joint 3: 1400h:5 is 0h, was 5h at boot");
-    assert!(record.at.since(begun) <= Duration::from_secs(7), "six drives, one per second");
-    let asked = (0x601..=0x606).flat_map(|cob_id| wire.since(begun, cob_id)).count();
-    assert_eq!(asked, 3, "one object per second");
-    bench.run(10);
-    bench.ask(Request::Reset).unwrap();
-    assert_eq!(bench.node().mode(), Mode::Ready, "booted, configured and tested again");
-}
-
-#[test]
-fn hazard_26_unreadable_setting_is_reported_and_counted() {
-    let (mut bench, _) = bench_of(
-        &config(KRAFT),
-        "[[fault]]\nat_s = 1.0\nkind = \"drop\"\njoint = 3\nframe = \"sdo\"\n",
-        &[],
-    );
-    bench.bring_up().unwrap();
-    while bench.next_event().is_some() {}
-    bench.run(4_500);
-    let record = bench.cycle();
-    assert_eq!((record.cause, record.mode, record.sdo.unread_settings), (None, Mode::Ready, 1));
-    let reports: Vec<_> =
-        std::iter::from_fn(|| bench.next_event()).map(|it| it.to_string()).collect();
-    assert_eq!(reports, ["1400h:5 cannot be read again: no answer"]);
-}
-
 /// Boots while the elbow's drive sends this emergency, `at_ms` after the first SYNC. Returns the events of that drive,
 /// and whether the boot succeeded.
 fn boot_with_emergency(code: u16, at_ms: u32) -> (Vec<String>, bool) {
@@ -459,9 +294,9 @@ fn hazard_15_rejected_mapping_is_refused_before_nmt_start() {
 
 #[test]
 fn hazard_16_drives_with_heartbeat_only_need_a_lower_force_cap() {
-    let text = std::fs::read_to_string(KRAFT).unwrap();
+    let text = fs::read_to_string(KRAFT).unwrap();
     let weak = text.replace("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 0 ");
-    let refused = Config::parse(Path::new(KRAFT), &weak).unwrap_err().to_string();
+    let refused = refusal(KRAFT, &weak);
     assert!(
         refused.contains("controller.max_force_n: 58.6 N (max_force_n = 40, return to centre"),
         "{refused}"
@@ -469,7 +304,7 @@ fn hazard_16_drives_with_heartbeat_only_need_a_lower_force_cap() {
     let weak = weak.replace("max_force_n = 40.0", "max_force_n = 13.0");
     let weak = weak.replace("max_damping_ns_per_m = 75.0", "max_damping_ns_per_m = 30.0");
     let weak = weak.replace("push = 0.5 ", "push = 0.1 ");
-    let (mut bench, _) = bench_of(&Config::parse(Path::new(KRAFT), &weak).unwrap(), "", &[]);
+    let (mut bench, _) = bench_of(&parse(KRAFT, &weak), "", &[]);
     bench.bring_up().unwrap();
     for drive in &bench.node().proof_test_report().drives {
         assert!(drive.rpdo.is_none() && drive.heartbeat.is_some());

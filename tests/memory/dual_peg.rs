@@ -1,5 +1,4 @@
 //! The dual peg of Table I, in short, and settings that are refused.
-#![cfg(test)]
 
 use std::path::Path;
 

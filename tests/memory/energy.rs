@@ -1,13 +1,10 @@
 //! The energy layers of the controller against traces computed by an independent program
 //! (`tests/oracles/stability.json`), in one dimension and in six.
-#![cfg(test)]
 
-use crate::common::bench::{config, scenario};
 use crate::common::oracle::{self, assert_near, list, number, numbers};
+use crate::common::prelude::*;
 use controller::passivity::{Passivity, PassivitySettings};
 use controller::tank::{Tank, TankSettings};
-use testbench::bench::Bench;
-use units::spatial::{Twist, Wrench};
 
 /// Limits that none of the traces reaches.
 const SETTINGS: PassivitySettings = PassivitySettings {
@@ -68,9 +65,8 @@ fn one_sided_contact_never_pulls() {
 
 #[test]
 fn torque_of_a_cycle_acts_between_the_next_two_syncs() {
-    let mut bench = Bench::new(&config("config/kraft_like.toml"), scenario("stiff-wall"), 1, ());
-    bench.bring_up().unwrap();
-    let calibration = config("config/kraft_like.toml").controller.calibration;
+    let mut bench = started(&config(KRAFT), scenario("stiff-wall"), ());
+    let calibration = config(KRAFT).controller.calibration;
     let mut sent = Vec::new();
     // Squared error between the exerted torque and the target torque of this cycle, last cycle and the one before.
     let mut off = [0.0; 3];

@@ -1,13 +1,6 @@
 //! The experiments of the paper's figures, in short: Fig. 4 at the hand, and what section 4.2 says of torque curves.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::path::Path;
-
-use config::Config;
+use crate::common::prelude::*;
 use controller::Settings;
 use experiments::fidelity::trial::Arm;
 use experiments::return_to_centre::script::Sweep;
@@ -17,13 +10,9 @@ use experiments::torque_curves::test_force::{Curve, TestForceResult};
 
 const LEG_S: f64 = 4.0;
 
-fn config(name: &str) -> Config {
-    Config::load(Path::new(name)).unwrap()
-}
-
 #[test]
 fn return_to_centre_is_felt_as_the_law_says() {
-    for (name, axis) in [("config/kraft_like.toml", 1), ("config/jpl_like.toml", 5)] {
+    for (name, axis) in [(KRAFT, 1), (JPL, 5)] {
         let config = config(name);
         let row = SweepResult::play(name, &config, &Sweep::new(&config, axis, LEG_S), 1).unwrap();
         let (figures, law) = (row.figures.unwrap(), row.law);
@@ -39,7 +28,7 @@ fn return_to_centre_is_felt_as_the_law_says() {
 
 #[test]
 fn wall_of_the_channels_is_felt_with_its_stiffness() {
-    let config = config("config/jpl_like.toml");
+    let config = config(JPL);
     let controller = config.controller;
     let wall = [0.03, 0.03, 0.03, 0.2, 0.2, 0.2];
     let stiffness = [300.0, 300.0, 300.0, 1.0, 1.0, 1.0];
@@ -53,7 +42,7 @@ fn wall_of_the_channels_is_felt_with_its_stiffness() {
 
 #[test]
 fn test_forces_are_right_with_polynomials_alone() {
-    let config = config("config/kraft_like.toml");
+    let config = config(KRAFT);
     let joint_curves = JointCurves::measure_all(&config, 1).unwrap();
     let felt = |curve| {
         let run = (Arm::Frictionless, curve, 1);

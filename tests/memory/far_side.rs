@@ -1,22 +1,10 @@
 //! A robot in another process: its configuration, contact, faults of the network and of the far side, and refusals.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
-
-use std::time::Duration;
 
 use contract::Reason;
 
 use crate::common::linked::{LINK, linked};
-use crate::linked_node::{LinkedNode, MS, Network, ask, booted, cycles, engage, parse};
-use node::Request;
-use node::cause::Cause;
-use node::record::Mode;
-use units::time::Instant;
+use crate::common::prelude::*;
+use crate::linked_node::{LinkedNode, Network, ask, booted, cycles, engage};
 
 /// Shipped hand controllers.
 const HANDS: [&str; 3] = ["kraft_like", "jpl_like", "sixr_spherical"];
@@ -24,7 +12,7 @@ const HANDS: [&str; 3] = ["kraft_like", "jpl_like", "sixr_spherical"];
 #[test]
 fn link_is_accepted_for_every_hand_controller() {
     for name in HANDS {
-        let config = parse(&linked(name, LINK)).unwrap();
+        let config = parse(KRAFT, &linked(name, LINK));
         let agreement = config.far_side.agreement.unwrap();
         assert_eq!((agreement.round_trip, agreement.stated.stiffest_contact), (MS * 5, 2_000.0));
         assert_eq!(agreement.stated.accommodation, [0.01, 0.01, 0.01, 0.5, 0.5, 0.5]);
@@ -34,7 +22,7 @@ fn link_is_accepted_for_every_hand_controller() {
 #[test]
 fn round_trip_and_contact_of_a_link_count_for_stability() {
     let most = |keys: &str| {
-        let findings = parse(&linked("kraft_like", keys)).unwrap().findings();
+        let findings = parse(KRAFT, &linked("kraft_like", keys)).findings();
         let held = findings.iter().filter(|finding| finding.name == "rate reflection, held");
         held.map(|finding| finding.right.value).fold(f64::INFINITY, f64::min)
     };
@@ -42,7 +30,7 @@ fn round_trip_and_contact_of_a_link_count_for_stability() {
     let bounds = [5, 16].map(|ms| most(&softer(ms)));
     assert!(bounds[0] > bounds[1], "{bounds:?}");
     let stiff = "round_trip_ms = 5.0\nstiffest_contact_n_per_m = 200000.0";
-    let refused = parse(&linked("kraft_like", stiff)).unwrap_err().to_string();
+    let refused = refusal(KRAFT, &linked("kraft_like", stiff));
     assert!(refused.contains("controller."), "{refused}");
 }
 
@@ -58,12 +46,12 @@ fn keys_that_a_link_excludes_or_lacks_are_named() {
         ("sample_period_ms = nan", "remote.link.sample_period_ms: must be within"),
         ("arm = 70000", "invalid value: integer `70000`"),
     ] {
-        let refused = parse(&linked("kraft_like", keys)).unwrap_err().to_string();
+        let refused = refusal(KRAFT, &linked("kraft_like", keys));
         assert!(refused.contains(reason), "{reason}: {refused}");
     }
-    let text = std::fs::read_to_string("config/kraft_like.toml").unwrap();
+    let text = fs::read_to_string(KRAFT).unwrap();
     let text = text.replacen("kind = \"virtual\"", "kind = \"link\"", 1);
-    let refused = parse(&text).unwrap_err().to_string();
+    let refused = refusal(KRAFT, &text);
     for key in ["remote.wall: ", "remote.box: ", "remote.link.round_trip_ms: "] {
         assert!(refused.contains(key), "{key}: {refused}");
     }

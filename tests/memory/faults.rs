@@ -1,23 +1,7 @@
 //! Failures of drives, and the targets that follow. Times are those of the bus.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::time::Duration;
-
-use crate::common::bench::{Wire, booted, until, until_contact};
-use node::Request;
-use node::cause::Cause;
-use node::record::Mode;
-use testbench::bench::Bench;
-use units::numbering::Joint;
-use units::time::Instant;
-
-const ONE_KILOHERTZ: &str = "config/kraft_like.toml";
+use crate::common::bench::{booted, until_contact};
+use crate::common::prelude::*;
 
 /// Returns the cycles from `onset` until every target is zero for good.
 fn cycles_to_zero(wire: &Wire, onset: Instant) -> usize {
@@ -30,7 +14,7 @@ fn cycles_to_zero(wire: &Wire, onset: Instant) -> usize {
 }
 
 fn in_contact() -> (Bench<Wire>, Wire, Instant) {
-    let (mut bench, wire) = booted(ONE_KILOHERTZ, "contact_10s");
+    let (mut bench, wire) = booted(KRAFT, "contact_10s");
     let record = until_contact(&mut bench);
     wire.clear();
     (bench, wire, record.at)

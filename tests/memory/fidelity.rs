@@ -1,37 +1,17 @@
 //! Fidelity of the force at the hand, against the true values of the simulation: static contact, drag, releases, and
 //! friction compensation that starts no motion.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::path::Path;
-
-use config::Config;
+use crate::common::prelude::*;
 use controller::arm::JointKind;
 use experiments::fidelity::experiment::{Condition, FidelityResult};
 use experiments::fidelity::place::{DISTANCES, Place, moved_wall};
 use experiments::fidelity::release::{Release, ReleaseJudge};
 use experiments::fidelity::script::{Course, HANDS, Hand};
 use experiments::fidelity::trial::Arm;
-use node::record::{Mode, Record};
 use sim::random::SplitMix;
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
 use testbench::truth::Truth;
-use units::numbering::Joint;
 
-const CONFIGS: [&str; 4] = [
-    "config/kraft_like.toml",
-    "config/kraft_like_500hz.toml",
-    "config/jpl_like.toml",
-    "config/sixr_spherical.toml",
-];
-
-fn config(name: &str) -> Config {
-    Config::load(Path::new(name)).unwrap()
-}
+const CONFIGS: [&str; 4] = [KRAFT, KRAFT_500HZ, JPL, "config/sixr_spherical.toml"];
 
 /// Plays the full course at the nearest place, 9 N held.
 fn full(name: &str, arm: Arm, hand: &'static Hand) -> FidelityResult {
@@ -109,7 +89,7 @@ fn release_pulls_no_hand_into_the_wall() {
 
 #[test]
 fn damping_of_a_makers_file_pulls_no_hand_into_the_wall() {
-    let files = std::fs::read_dir("config/drives").unwrap();
+    let files = fs::read_dir("config/drives").unwrap();
     let files = files
         .map(|file| file.unwrap().path())
         .filter(|file| file.extension().is_some_and(|one| one == "toml"));
@@ -169,7 +149,7 @@ fn release_by_any_hand_pulls_none_into_the_wall() {
 /// Taps the wall hard in pose mode and retreats immediately. Returns the figures from the retreat on.
 fn tap(config: &Config, depth_m: f64) -> Release {
     let deep = DISTANCES[0] + depth_m;
-    let script = format!(
+    let text = format!(
         "seconds = 7\n\
          [[console]]\nat_s = 0.1\nrequest = \"mode pose\"\n\
          [[console]]\nat_s = 0.2\nrequest = \"arm\"\n\
@@ -180,7 +160,7 @@ fn tap(config: &Config, depth_m: f64) -> Release {
          [[move]]\nat_s = 5.0\nduration_s = 0.1\nto_m = [{deep}, 0.0, 0.0]\n\
          [[move]]\nat_s = 5.1\nduration_s = 0.15\nto_m = [0.0, 0.0, 0.0]\n"
     );
-    let scenario = Scenario::parse(&script).unwrap();
+    let scenario = script(&text);
     let cycles = config.controller.period.cycles(scenario.seconds());
     let mut bench = Bench::new(config, scenario, 3, ());
     bench.bring_up().unwrap();
@@ -212,7 +192,7 @@ fn hard_tap_on_a_stiff_wall_is_not_pulled_back() {
 
 #[test]
 fn stretched_elbow_counts_friction_twice() {
-    let config = config("config/kraft_like.toml");
+    let config = config(KRAFT);
     let [near, _, far] = DISTANCES.map(|way| Place::new(&config, way).unwrap());
     assert!(near.friction_n < 0.6 && far.friction_n > 1.0, "{near} {far}");
     assert!(near.sigma_min > 2.0 * far.sigma_min, "{near} {far}");
@@ -221,7 +201,7 @@ fn stretched_elbow_counts_friction_twice() {
 
 #[test]
 fn moved_wall_is_met_where_its_place_says() {
-    let config = config("config/kraft_like.toml");
+    let config = config(KRAFT);
     let moved = moved_wall(&config, 0.05, Some(5e3));
     let (point, _, contact) = moved.remote.wall.unwrap();
     assert!((point.x - 0.47).abs() < 1e-9 && (contact.stiffness - 5e3).abs() < 1e-9);
@@ -229,7 +209,7 @@ fn moved_wall_is_met_where_its_place_says() {
 
 /// Plays a scenario, and returns the records.
 fn play(config: &Config, scenario: &str) -> Vec<Record> {
-    let scenario = Scenario::parse(scenario).unwrap();
+    let scenario = script(scenario);
     let cycles = config.controller.period.cycles(scenario.seconds());
     let mut bench = Bench::new(config, scenario, 7, ());
     bench.bring_up().unwrap();
@@ -258,7 +238,7 @@ fn prominent_peaks(values: &[f64], drop: f64) -> Vec<usize> {
 #[test]
 fn passivity_damper_does_not_chatter_in_rate_mode() {
     let scenario = include_str!("../../config/scenarios/contact_10s.toml");
-    for name in ["config/kraft_like.toml", "config/jpl_like.toml"] {
+    for name in [KRAFT, JPL] {
         let records = play(&config(name), scenario);
         let forces = records.iter().map(|record| record.output.port.f_g_passivity.force);
         let forces: Vec<_> = forces.collect();
@@ -315,7 +295,7 @@ fn nudge(bench: &mut Bench<()>, config: &Config, joint: Joint) {
 fn nudged(config: &Config, to_m: f64, joint: Joint) -> [f64; 2] {
     let world = config.clone().with_friction(Arm::LessFriction.friction());
     let period = config.controller.period;
-    let scenario = Scenario::parse(&let_go(to_m)).unwrap();
+    let scenario = script(&let_go(to_m));
     let mut bench = Bench::in_world_of(&world, config, scenario, 1, ());
     bench.bring_up().unwrap();
     bench.run(period.cycles(7.0).into());

@@ -1,21 +1,11 @@
 //! Friction fitted to simulated sweeps of every joint of the shipped files: how far it is off, and whether the stated
 //! deviations hold. Gravity is the simulation's in the sweep, and the controller's in the fit.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::print_stdout,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test; figures are to be seen"
-)]
 
-use std::path::Path;
-
+use crate::common::prelude::*;
 use calibration::fit::Direction;
 use calibration::fit::posture::{PostureReading, postures};
 use calibration::fit::sweep::{Estimate, JointFriction, Moving};
-use config::Config;
 use sim::friction_rig::{FrictionRig, FrictionRigSettings, SlowReading};
-use testbench::world;
 use units::drive::PerMille;
 
 const CONFIGS: [&str; 4] = ["kraft_like", "kraft_like_500hz", "jpl_like", "sixr_spherical"];
@@ -58,7 +48,7 @@ fn torque(config: &Config, place: usize, reading: &SlowReading) -> f64 {
 fn friction_of_simulated_sweeps_is_found_as_well_as_stated() {
     let (mut coulomb, mut viscous) = (Errors::default(), Errors::default());
     for name in CONFIGS {
-        let config = Config::load(Path::new(&format!("config/{name}.toml"))).unwrap();
+        let config = config(&format!("config/{name}.toml"));
         let plant = config.plant();
         for (place, joint) in config.joints.iter().enumerate() {
             let settings = FrictionRigSettings {

@@ -1,29 +1,20 @@
 //! Golden transcripts: the frames of a boot and of a fault reset, in candump's format.
 //!
 //! `GOLDEN=write cargo test --test memory golden::` rewrites them; check the difference before you commit it.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use crate::common::bench::{booted, until};
+use crate::common::bench::booted;
 use crate::common::golden::compare;
-use node::Request;
-use node::record::Mode;
-use units::numbering::Joint;
+use crate::common::prelude::*;
 
 #[test]
 fn boot() {
-    let (_, wire) = booted("config/kraft_like_500hz.toml", "free");
+    let (_, wire) = booted(KRAFT_500HZ, "free");
     compare("boot.log", &wire.transcript(12));
 }
 
 #[test]
 fn fault_reset() {
-    let (mut bench, wire) = booted("config/kraft_like_500hz.toml", "free");
+    let (mut bench, wire) = booted(KRAFT_500HZ, "free");
     bench.cycle();
     wire.clear();
     bench.world_mut().drive_mut(Joint::of::<3>()).unwrap().fail();

@@ -1,33 +1,17 @@
 //! A gripper, from the inputs of the switch box to the object between its fingers: in the node's own scene and through the
 //! socket of a link; inputs that are silent, out of range or contradictory; configurations that are refused.
-#![allow(
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::path::Path;
 use std::rc::Rc;
 
 use crate::common::linked::{LINK, linked_text};
-use crate::linked_node::{Handle, LinkedSide, Network, ask, cycles, parse};
-use bus::Bus;
-use config::Config;
-use config::shipped::HAND_CONTROLLERS;
-use memory_bus::Memory;
-use node::cause::Cause;
-use node::record::{GripperRecord, Mode, Record};
-use node::{Node, Request};
+use crate::common::prelude::*;
+use crate::common::refusals::are_refused;
+use crate::linked_node::{Handle, LinkedSide, Network, ask, cycles};
+use node::Node;
+use node::record::GripperRecord;
 use remote::Gripper;
-use sim::scenario::Scenario;
 use telemetry::losses::Losses;
 use telemetry::status::Status;
-use testbench::bench::Bench;
-use testbench::world;
-use units::time::Instant;
-
-/// At 1 kHz a bus with six drives has no room for the two bytes of an analogue input.
-const TEXT: &str = include_str!("../../config/kraft_like_500hz.toml");
 
 /// Lever at the second analogue input: 20,000 counts are open, -12,000 closed.
 const ANALOGUE: &str = "input = 2\nopen_counts = 20000\nclosed_counts = -12000";
@@ -44,7 +28,7 @@ const GRIPPER: &str = "[remote.gripper]\nstroke_m = 0.08\nmax_speed_m_per_s = 0.
 
 /// Returns the hand controller with these keys of its gripper's input.
 fn hand(keys: &str) -> String {
-    hand_of(TEXT, keys)
+    hand_of(KRAFT_500HZ_TEXT, keys)
 }
 
 fn hand_of(text: &str, keys: &str) -> String {
@@ -54,7 +38,7 @@ fn hand_of(text: &str, keys: &str) -> String {
 
 /// Returns the same with a gripper of the object.
 fn gripping(keys: &str) -> String {
-    gripping_of(TEXT, keys)
+    gripping_of(KRAFT_500HZ_TEXT, keys)
 }
 
 fn gripping_of(text: &str, keys: &str) -> String {
@@ -74,10 +58,7 @@ fn script(switches: &[(f64, &str)]) -> Scenario {
 
 /// Returns a bench of the object in the node's own scene, after its boot.
 fn bench(text: &str, scenario: Scenario) -> Bench<()> {
-    let config = Config::parse(Path::new("config/kraft_like.toml"), text).unwrap();
-    let mut bench = Bench::new(&config, scenario, 1, ());
-    bench.bring_up().unwrap();
-    bench
+    started(&parse(KRAFT, text), scenario, ())
 }
 
 /// Runs until `seconds`; returns the last record.
@@ -164,7 +145,7 @@ fn hazard_50_input_out_of_range_ends_reflection_in_time() {
     let both = "buttons = [false, true, true, false]";
     let range = "gripper input at 21601 counts, beyond its range from -12000 (closed) to 20000 (open): check its wire, \
         and closed_counts and open_counts of switches.gripper";
-    input_ends_reflection("config/kraft_like_500hz.toml", ANALOGUE, "gripper = 21601", range);
+    input_ends_reflection(KRAFT_500HZ, ANALOGUE, "gripper = 21601", range);
     for file in HAND_CONTROLLERS {
         input_ends_reflection(file, DIGITAL, both, contradiction);
     }
@@ -172,10 +153,9 @@ fn hazard_50_input_out_of_range_ends_reflection_in_time() {
 
 /// Asserts that this input at 3 s ends reflection with this cause, and that the gripper stays.
 fn input_ends_reflection(file: &str, keys: &str, input: &str, message: &str) {
-    let text = gripping_of(&std::fs::read_to_string(file).unwrap(), keys);
-    let config = Config::parse(Path::new(file), &text).unwrap();
-    let mut bench = Bench::new(&config, script(&[(3.0, input)]), 1, ());
-    bench.bring_up().unwrap();
+    let text = gripping_of(&fs::read_to_string(file).unwrap(), keys);
+    let config = parse(file, &text);
+    let mut bench = started(&config, script(&[(3.0, input)]), ());
     let before = until(&mut bench, 2.999);
     assert_eq!((before.mode, before.cause), (Mode::Engaged, None), "{file}");
     let mut record = before;
@@ -221,8 +201,9 @@ fn commanded_side_without_a_gripper_is_armed_all_the_same() {
 
 #[test]
 fn gripper_of_another_process_is_commanded_and_measured() {
-    let near = parse(&linked_text(&hand(ANALOGUE), LINK)).unwrap();
-    let far = parse(&TEXT.replacen("[safety]", &format!("{GRIPPER}\n[safety]"), 1)).unwrap();
+    let near = parse(KRAFT, &linked_text(&hand(ANALOGUE), LINK));
+    let far =
+        parse(KRAFT, &KRAFT_500HZ_TEXT.replacen("[safety]", &format!("{GRIPPER}\n[safety]"), 1));
     let bitrates: Vec<u32> = near.buses.iter().map(|bus| bus.bitrate).collect();
     let switches = script(&[(0.1, "gripper = -12000"), (6.0, "gripper = 20000")]);
     let world = world::build(&near, switches, 1);
@@ -245,82 +226,62 @@ fn gripper_of_another_process_is_commanded_and_measured() {
 
 #[test]
 fn invalid_keys_of_a_gripper_are_refused_by_name() {
-    let refused = |text: &str| parse(text).unwrap_err().to_string();
-    for (keys, reason) in [
-        ("", "switches.gripper: needs input, open_counts and closed_counts, or else open_bit"),
+    let rows = [
+        ("switches.gripper.input", "0", "must be within 1..=254, got 0"),
+        ("switches.gripper.closed_counts", "20000", "must be another number"),
+        ("switches.gripper.open_counts", "50000", "invalid value: integer `50000`"),
+        ("switches.gripper.open_bit", "4", "contradicts the analogue input"),
+        ("switches.gripper.stroke_m", "nan", "must be within"),
+        ("switches.gripper.force_n", "-1.0", "must be within"),
+        ("switches.gripper.max_speed_m_per_s", "inf", "must be within"),
+    ];
+    are_refused(KRAFT, &hand(ANALOGUE), &rows);
+    let rows = [
+        ("switches.gripper.close_bit", "5", "must be another bit than open_bit, got 5"),
+        ("switches.gripper.open_bit", "3", "must be within 4..=7, got 3"),
+    ];
+    are_refused(KRAFT, &hand(DIGITAL), &rows);
+    let rows = [
+        ("remote.gripper.object_m", "0.08", "must be below stroke_m"),
+        ("remote.gripper.max_speed_m_per_s", "nan", "must"),
+    ];
+    are_refused(KRAFT, &gripping(ANALOGUE), &rows);
+    let button = "[[switches.button]]\nbit = 5\npress = \"align\"\n\n[switches.gripper]";
+    let button = hand(DIGITAL).replacen("[switches.gripper]", button, 1);
+    let linked = linked_text(&gripping(ANALOGUE), LINK);
+    let without = |key| changed(&gripping(ANALOGUE), &[(key, "")]);
+    for (text, reason) in [
         (
-            "input = 1\nopen_counts = 5",
+            hand(""),
+            "switches.gripper: needs input, open_counts and closed_counts, or else open_bit",
+        ),
+        (
+            hand("input = 1\nopen_counts = 5"),
             "switches.gripper.closed_counts: missing field `closed_counts`",
         ),
-        ("open_counts = 5", "switches.gripper.input: missing field `input`"),
+        (hand("open_counts = 5"), "switches.gripper.input: missing field `input`"),
+        (hand("open_bit = 4"), "switches.gripper.close_bit: missing field `close_bit`"),
         (
-            "input = 0\nopen_counts = 5\nclosed_counts = 6",
-            "switches.gripper.input: must be within 1..=254, got 0",
-        ),
-        (
-            "input = 1\nopen_counts = 5\nclosed_counts = 5",
-            "switches.gripper.closed_counts: must be another number",
-        ),
-        ("input = 1\nopen_counts = 50000\nclosed_counts = 5", "invalid value: integer `50000`"),
-        ("open_bit = 4", "switches.gripper.close_bit: missing field `close_bit`"),
-        (
-            "open_bit = 4\nclose_bit = 4",
-            "switches.gripper.close_bit: must be another bit than open_bit, got 4",
-        ),
-        ("open_bit = 3\nclose_bit = 4", "switches.gripper.open_bit: must be within 4..=7, got 3"),
-        (
-            "input = 1\nopen_bit = 4\nclose_bit = 5",
-            "switches.gripper.open_bit: contradicts the analogue input",
-        ),
-        (
-            "input = 9\nopen_counts = 5\nclosed_counts = 6",
+            hand("input = 9\nopen_counts = 5\nclosed_counts = 6"),
             "switches.eds: switch box: its EDS lacks 6401h:9",
         ),
+        (button, "switches.gripper.open_bit: bit 5 is that of a button"),
+        (without("object_m = 0.03\n"), "remote.gripper.object_m: missing field"),
+        (
+            without("stiffness_n_per_m = 5000.0\n"),
+            "remote.gripper.stiffness_n_per_m: missing field",
+        ),
+        (linked, "remote.gripper: with kind = \"link\" the far side has it"),
     ] {
-        let found = refused(&hand(keys));
+        let found = refusal(KRAFT, &text);
         assert!(found.contains(reason), "{reason}: {found}");
     }
-    let button = "[[switches.button]]\nbit = 5\npress = \"align\"\n\n[switches.gripper]";
-    let found = refused(&hand(DIGITAL).replacen("[switches.gripper]", button, 1));
-    assert!(found.contains("switches.gripper.open_bit: bit 5 is that of a button"), "{found}");
-    for (key, wrong) in [
-        ("stroke_m = 0.06", "stroke_m = nan"),
-        ("force_n = 15.0", "force_n = -1.0"),
-        ("max_speed_m_per_s = 0.05", "max_speed_m_per_s = inf"),
-    ] {
-        let found = refused(&hand(ANALOGUE).replacen(key, wrong, 1));
-        let name = key.split(' ').next().unwrap();
-        assert!(found.contains(&format!("switches.gripper.{name}: must be within")), "{found}");
-    }
-    for (key, wrong, reason) in [
-        (
-            "object_m = 0.03\n",
-            "object_m = 0.08\n",
-            "remote.gripper.object_m: must be below stroke_m",
-        ),
-        ("object_m = 0.03\n", "", "remote.gripper.object_m: missing field"),
-        ("stiffness_n_per_m = 5000.0\n", "", "remote.gripper.stiffness_n_per_m: missing field"),
-        (
-            "max_speed_m_per_s = 0.2",
-            "max_speed_m_per_s = nan",
-            "remote.gripper.max_speed_m_per_s: must",
-        ),
-    ] {
-        let found = refused(&TEXT.replacen(
-            "[safety]",
-            &format!("{}\n[safety]", GRIPPER.replace(key, wrong)),
-            1,
-        ));
-        assert!(found.contains(reason), "{reason}: {found}");
-    }
-    let linked = linked_text(&TEXT.replacen("[safety]", &format!("{GRIPPER}\n[safety]"), 1), LINK);
-    assert!(refused(&linked).contains("remote.gripper: with kind = \"link\" the far side has it"));
 }
 
 #[test]
 fn analogue_input_costs_two_bytes_of_the_switch_box_frame() {
-    let without = parse(TEXT).unwrap();
-    let with = parse(&hand(ANALOGUE)).unwrap();
+    let without = parse(KRAFT, KRAFT_500HZ_TEXT);
+    let with = parse(KRAFT, &hand(ANALOGUE));
     let bits = |config: &Config| {
         let plans = config.node_plans();
         let (_, switches) = plans.last().unwrap();
@@ -328,5 +289,5 @@ fn analogue_input_costs_two_bytes_of_the_switch_box_frame() {
         services.map(|service| service.bytes()).sum::<u32>()
     };
     assert_eq!((bits(&without), bits(&with)), (1, 3));
-    assert_eq!(bits(&parse(&hand(DIGITAL)).unwrap()), 1, "digital inputs are there already");
+    assert_eq!(bits(&parse(KRAFT, &hand(DIGITAL))), 1, "digital inputs are there already");
 }

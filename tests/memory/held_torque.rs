@@ -1,22 +1,7 @@
 //! Drives that no longer receive their RPDOs, on the arms of config/drives: hazard 13.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::time::Duration;
-
-use crate::common::bench::{Wire, config};
-use bus::Bus;
-use config::{Config, SeenBy};
-use node::cause::Cause;
-use node::record::{Mode, Record};
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::numbering::Joint;
-use units::time::Instant;
+use crate::common::prelude::*;
+use config::SeenBy;
 
 /// Presses into the wall from 3.0 s on, as `config/scenarios/contact_10s.toml` does.
 const PRESS: &str = include_str!("../../config/scenarios/contact_10s.toml");
@@ -28,7 +13,7 @@ const HOLD: &str = "seconds = 5\n\
 
 /// Every configuration whose drives have no RPDO timer, with its drives' longest time of a held torque.
 fn without_timer() -> Vec<(String, Config, Duration)> {
-    let entries = std::fs::read_dir("config/drives").unwrap().map(|entry| entry.unwrap().path());
+    let entries = fs::read_dir("config/drives").unwrap().map(|entry| entry.unwrap().path());
     let mut files: Vec<_> = entries.map(|path| path.to_str().unwrap().to_owned()).collect();
     files.sort();
     let mut found = Vec::new();
@@ -55,11 +40,9 @@ fn lost_rpdo(joint: usize, at_s: f64, rest: &str) -> String {
     )
 }
 
-fn booted(config: &Config, script: &str) -> (Bench<Wire>, Wire, Instant) {
+fn booted(config: &Config, text: &str) -> (Bench<Wire>, Wire, Instant) {
     let wire = Wire::default();
-    let script = Scenario::parse(script).unwrap_or_else(|error| panic!("{error}: {script}"));
-    let mut bench = Bench::new(config, script, 1, wire.clone());
-    bench.bring_up().unwrap();
+    let bench = started(config, script(text), wire.clone());
     let begun = bench.node().bus().now();
     (bench, wire, begun)
 }
@@ -160,7 +143,7 @@ fn let_go(bench: &Bench<()>, config: &Config, joint: Option<usize>, at_s: f64) -
         "[[hold]]\nat_s = {at_s}\nholding = false\n[[switch]]\nat_s = {at_s}\ndeadman = false\n"
     );
     let mut bench = bench.clone();
-    bench.follow(Scenario::parse(&format!("{}{hands}{lost}", press())).unwrap(), 1);
+    bench.follow(script(&format!("{}{hands}{lost}", press())), 1);
     while bench.elapsed().as_secs_f64() < at_s {
         bench.cycle();
     }
@@ -191,9 +174,7 @@ fn let_go(bench: &Bench<()>, config: &Config, joint: Option<usize>, at_s: f64) -
 #[test]
 fn hazard_13_released_grip_stays_below_half_a_metre_per_second() {
     for (name, config, _) in without_timer() {
-        let script = Scenario::parse(&press()).unwrap();
-        let mut bench = Bench::new(&config, script, 1, ());
-        bench.bring_up().unwrap();
+        let mut bench = started(&config, script(&press()), ());
         // In motion into the wall, in contact, and pressed by 12 cm.
         for at_s in [3.35, 4.0, 7.6] {
             while bench.elapsed().as_secs_f64() < at_s - 0.01 {

@@ -1,10 +1,5 @@
 //! Hostile messages at the socket of a complete node that is engaged and in contact: its frames equal those of a run
 //! without them, and the link counts each rejected message by its reason.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, VecDeque};
@@ -13,16 +8,11 @@ use std::rc::Rc;
 
 use contract::{Echo, FarEnd, Feedback, Measurements, Pose, Reject};
 
-use crate::common::bench::Wire;
 use crate::common::linked::LINK;
+use crate::common::prelude::*;
 use crate::linked_node::{Network, Peer, ask, booted_with, cycles, engage};
-use canopen::frame::Telegram;
-use node::Request;
-use node::cause::Cause;
-use node::record::{Mode, Record};
 use remote::link::LinkStatus;
 use sim::random::SplitMix;
-use units::time::Instant;
 
 /// Cycles in which hostile messages are sent, of 1 ms.
 const CYCLES: usize = 50_000;

@@ -1,34 +1,16 @@
 //! A process that is stopped within a cycle, after any of its frames (hazard 29, promise 10): late torques are not
 //! sent, zeros are.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::cell::RefCell;
 use std::rc::Rc;
-use std::time::Duration;
 
-use crate::common::bench::config;
+use crate::common::prelude::*;
 use bus::Tap;
-use canopen::frame::{Channel, Frame, Telegram};
 use faults::{Fault, HostFault};
 use node::cause::CauseKind;
-use node::record::{Mode, Record};
-use sim::scenario::Scenario;
 use telemetry::losses::Losses;
 use telemetry::status::Status;
 use telemetry::summary::Summary;
-use testbench::bench::Bench;
-use units::numbering::Joint;
-use units::time::Instant;
-
-const GROUPED: &str = "config/kraft_like.toml";
-const PER_DRIVE: &str = "config/kraft_like_500hz.toml";
-const TWO_BUSES: &str = "config/jpl_like.toml";
 
 /// The operator engages and moves the arm.
 const SCRIPT: &str = "seconds = 60\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
@@ -98,15 +80,13 @@ impl Run {
 
     /// The same with another script.
     fn played(
-        script: &str,
+        text: &str,
         name: &str,
         stops: &[(u32, u16, u32)],
         kind: fn(u16) -> HostFault,
     ) -> Self {
         let (config, accepted) = (config(name), AcceptedFrames::default());
-        let script = Scenario::parse(script).unwrap();
-        let mut bench = Bench::new(&config, script, 1, accepted.clone());
-        bench.bring_up().unwrap();
+        let mut bench = started(&config, script(text), accepted.clone());
         while bench.elapsed() < Duration::from_millis(800) {
             bench.cycle();
         }
@@ -154,7 +134,7 @@ fn asks(frame: &Frame) -> bool {
 #[test]
 fn hazard_29_stall_between_two_buses_sends_no_burst_of_syncs() {
     for tenths in 1..40 {
-        let run = Run::with(TWO_BUSES, &[(1, 0x080, tenths)]).cycles(10);
+        let run = Run::with(JPL, &[(1, 0x080, tenths)]).cycles(10);
         for channel in [Channel(0), Channel(1)] {
             let syncs = run.accepted.syncs(channel);
             let apart = syncs.windows(2).map(|pair| pair[1].since(pair[0])).min().unwrap();
@@ -169,7 +149,7 @@ fn hazard_29_bus_without_a_sync_gets_no_second_torque() {
     let script = SCRIPT
         .replace("[[move]]", "[[switch]]\nat_s = 0.25\nreflection = true\n[[move]]")
         .replace("duration_s = 2.0", "duration_s = 0.5\nto_rad = [0.3, 0.3, 0.3]");
-    for name in [TWO_BUSES, "config/jpl_like_1538hz.toml"] {
+    for name in [JPL, "config/jpl_like_1538hz.toml"] {
         let mut skipped = 0;
         for tenths in 1..40 {
             let (stop, kind) = ((1, 0x080, tenths), HostFault::ProcessStoppedAfter);
@@ -198,7 +178,7 @@ fn hazard_29_bus_without_a_sync_gets_no_second_torque() {
 #[test]
 fn hazard_31_suspension_at_any_frame_ends_torque() {
     let frames = |joints: std::ops::RangeInclusive<u16>| joints.map(|joint| 0x180 + joint);
-    for (name, targets) in [(GROUPED, vec![0x201, 0x204]), (PER_DRIVE, vec![0x201, 0x203, 0x206])] {
+    for (name, targets) in [(KRAFT, vec![0x201, 0x204]), (KRAFT_500HZ, vec![0x201, 0x203, 0x206])] {
         for after in [0x080].into_iter().chain(frames(1..=6)).chain(targets) {
             for tenths in [16, 40, 400] {
                 let run = Run::planned(name, &[(0, after, tenths)], |after| {
@@ -224,8 +204,8 @@ fn hazard_31_suspension_at_any_frame_ends_torque() {
 #[test]
 fn promise_10_torques_delayed_at_any_frame_are_dropped() {
     for (name, frames) in [
-        (GROUPED, &[0x080, 0x181, 0x186, 0x201][..]),
-        (PER_DRIVE, &[0x080, 0x186, 0x201, 0x202, 0x205]),
+        (KRAFT, &[0x080, 0x181, 0x186, 0x201][..]),
+        (KRAFT_500HZ, &[0x080, 0x186, 0x201, 0x202, 0x205]),
     ] {
         for after in frames {
             for tenths in [11, 16, 24, 39] {
@@ -251,7 +231,7 @@ fn promise_10_torques_delayed_at_any_frame_are_dropped() {
 #[test]
 fn hazard_29_ten_late_torques_in_a_second_stop_the_node() {
     let stops: Vec<_> = (0..10).map(|turn| (20 * turn, 0x186, 11)).collect();
-    let run = Run::with(GROUPED, &stops).cycles(200);
+    let run = Run::with(KRAFT, &stops).cycles(200);
     let before = run.records[0].overruns;
     let stopped = run.records.iter().find(|record| record.mode.is_stopped()).unwrap();
     assert_eq!(stopped.cause.map(|cause| cause.kind()), Some(CauseKind::Late));
@@ -267,7 +247,7 @@ fn hazard_29_ten_late_torques_in_a_second_stop_the_node() {
 #[test]
 fn hazard_28_zero_torques_are_sent_however_late() {
     // The process is stopped in the third cycle without the sixth drive, after the fifth one's sample.
-    let mut run = Run::with(GROUPED, &[(2, 0x185, 30)]);
+    let mut run = Run::with(KRAFT, &[(2, 0x185, 30)]);
     run.bench.world_mut().drive_mut(Joint::of::<6>()).unwrap().unplug();
     let run = run.cycles(5);
     let first = run.records.iter().position(|record| record.mode.is_stopped()).unwrap();
@@ -282,7 +262,7 @@ fn hazard_28_zero_torques_are_sent_however_late() {
 
 #[test]
 fn promise_10_stall_after_the_last_torque_withdraws_all_targets() {
-    for (name, last, frames) in [(GROUPED, 0x204, 2), (PER_DRIVE, 0x206, 6)] {
+    for (name, last, frames) in [(KRAFT, 0x204, 2), (KRAFT_500HZ, 0x206, 6)] {
         let run = Run::with(name, &[(0, last, 16)]).cycles(10);
         let (before, stalled) = (&run.records[0], &run.records[1]);
         assert_eq!(stalled.targets, [0; 6], "{name}");

@@ -1,32 +1,11 @@
 //! Effects on the operator of a remote site that is lost, frozen, late or wrong: hazards 33 to 36.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::path::Path;
-use std::time::Duration;
-
-use crate::common::bench::{config, press_script, scenario};
-use config::Config;
+use crate::common::bench::press_script;
+use crate::common::prelude::*;
 use faults::LinkFault;
-use memory_bus::Memory;
-use node::cause::Cause;
-use node::record::{Mode, Record};
-use node::{Node, Request};
+use node::Node;
 use remote::site::VirtualSite;
 use remote::{Command, Remote, RemoteSample};
-use sim::scenario::Scenario;
-use sim::world::World;
-use testbench::bench::Bench;
-use testbench::world;
-use units::spatial::{Motion, Wrench};
-use units::time::Instant;
-
-const KRAFT: &str = "config/kraft_like.toml";
 
 /// Number of cycles of a run; the hand presses into the wall in most of them.
 const CYCLES: usize = 1_200;
@@ -50,11 +29,11 @@ type NodeWithRemote<L> = Node<Memory<World, ()>, Via<L>>;
 
 /// Boots a node whose operator presses into the wall once it is armed; `law` changes its samples.
 fn booted<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>>(law: L) -> NodeWithRemote<L> {
-    let text = std::fs::read_to_string(KRAFT).unwrap();
+    let text = fs::read_to_string(KRAFT).unwrap();
     let text = text.replace("start_m = [0.4,", "start_m = [0.5299,"); // 0.1 mm before the wall
-    let config = Config::parse(Path::new(KRAFT), &text).unwrap();
+    let config = parse(KRAFT, &text);
     let bitrates: Vec<u32> = config.buses.iter().map(|bus| bus.bitrate).collect();
-    let world = world::build(&config, Scenario::parse(&press_script(0.2)).unwrap(), 1);
+    let world = world::build(&config, script(&press_script(0.2)), 1);
     let remote = Via { site: VirtualSite::new(&config.remote, config.period), law, count: 0 };
     let mut node = Node::new(&config, Memory::new(&bitrates, world, ()), remote);
     node.bring_up(&mut || false).unwrap();
@@ -167,8 +146,7 @@ fn arming_is_refused_before_the_first_remote_sample() {
 /// Plays a scenario whose link fails for 0.5 s from 1.0 s on, and checks the node's reaction and the reset.
 fn link_fails_and_returns(name: &str, down: LinkFault) {
     let config = config(KRAFT);
-    let mut bench = Bench::new(&config, scenario(&format!("faults/{name}")), 1, ());
-    bench.bring_up().unwrap();
+    let mut bench = started(&config, scenario(&format!("faults/{name}")), ());
     let (mut before, mut fell_at, mut felt_for) = (None, None, Duration::ZERO);
     while bench.elapsed() < Duration::from_millis(1_450) {
         let is_down = bench.world_mut().link() == Some(down);

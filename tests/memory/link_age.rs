@@ -1,21 +1,9 @@
 //! Age of the samples in use: over slow networks up to and beyond the limit, and after a flood of messages.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::print_stdout,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test; figures are to be seen"
-)]
-
-use std::fs;
-use std::time::Duration;
 
 use contract::Reason;
 
-use crate::linked_node::{MS, Network, ask, booted, cycles};
-use node::Request;
-use node::cause::Cause;
-use node::record::Mode;
-use units::time::Instant;
+use crate::common::prelude::*;
+use crate::linked_node::{Network, ask, booted, cycles};
 
 /// Time engaged after which a link counts as good.
 const ENGAGED_FOR: Duration = Duration::from_secs(10);

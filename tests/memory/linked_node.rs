@@ -1,17 +1,10 @@
 //! A node whose commanded side is in another process: its link over a real socket in virtual time, a network of its own
 //! between the two ends, and the far side.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::io::Read;
-use std::path::Path;
 use std::rc::Rc;
-use std::time::Duration;
 
 use contract::{Capability, FarEnd, Reason};
 use nalgebra::Vector3;
@@ -20,35 +13,21 @@ use tempfile::TempDir;
 
 use crate::common::bench::press_script;
 use crate::common::linked::linked;
-use bus::{Bus, Tap};
-use config::Config;
-use memory_bus::Memory;
-use node::record::{Mode, Record};
-use node::{Node, Request};
+use crate::common::prelude::*;
+use bus::Tap;
+use node::Node;
 use remote::link::{LinkSettings, LinkSide, LinkThread, link};
 use remote::site::VirtualSite;
 use remote::stated::{Misfit, StatedCapability};
 use remote::{Command, Remote, RemoteSample, SideError, messages};
 use sim::random::SplitMix;
-use sim::scenario::Scenario;
-use sim::world::World;
-use testbench::world;
-use units::spatial::Wrench;
-use units::time::Instant;
 
 /// Workspace of the far side, in m.
 const WORKSPACE: [[f64; 3]; 2] = [[-1.0; 3], [1.0; 3]];
 
-pub(crate) const MS: Duration = Duration::from_millis(1);
-
-/// Parses a configuration whose paths are relative to config/.
-pub(crate) fn parse(text: &str) -> Result<Config, config::Invalid> {
-    Config::parse(Path::new("config/kraft_like.toml"), text)
-}
-
 /// Parses a text in place of the shipped file of a hand controller, such as `drives/elmo_gold`.
-pub(crate) fn parse_as(hand: &str, text: &str) -> Result<Config, config::Invalid> {
-    Config::parse(Path::new(&format!("config/{hand}.toml")), text)
+pub(crate) fn parse_as(hand: &str, text: &str) -> Config {
+    parse(&format!("config/{hand}.toml"), text)
 }
 
 /// A network between the two ends.
@@ -258,7 +237,7 @@ pub(crate) fn booted_with<T: Tap>(
     network: Network,
     tap: T,
 ) -> (LinkedNode<T>, Rc<Handle>) {
-    booted_near(hand, &parse(&linked(hand, keys)).unwrap(), network, tap)
+    booted_near(hand, &parse(KRAFT, &linked(hand, keys)), network, tap)
 }
 
 /// Boots a node of this configuration, whose far side has the scene of this hand's file.
@@ -268,10 +247,10 @@ pub(crate) fn booted_near<T: Tap>(
     network: Network,
     tap: T,
 ) -> (LinkedNode<T>, Rc<Handle>) {
-    let text = std::fs::read_to_string(format!("config/{hand}.toml")).unwrap();
-    let far = parse_as(hand, &text.replace("start_m = [0.4,", "start_m = [0.4499,")).unwrap();
+    let text = fs::read_to_string(format!("config/{hand}.toml")).unwrap();
+    let far = parse_as(hand, &text.replace("start_m = [0.4,", "start_m = [0.4499,"));
     let bitrates: Vec<u32> = near.buses.iter().map(|bus| bus.bitrate).collect();
-    let world = world::build(near, Scenario::parse(&press_script(1.2)).unwrap(), 1);
+    let world = world::build(near, script(&press_script(1.2)), 1);
     let handle = Rc::new(Handle::default());
     let remote = LinkedSide::new(near, &far, network, Rc::clone(&handle));
     let mut node = Node::new(near, Memory::new(&bitrates, world, tap), remote);

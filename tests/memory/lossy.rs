@@ -1,17 +1,13 @@
 //! SDO client and simulated drive on a disturbed bus.
-#![cfg(test)]
 
 use std::collections::BTreeMap;
-use std::time::Duration;
 
 use crate::common::drive::{drive, node};
+use crate::common::prelude::*;
 use crate::sdo_queue::{Queue, Request, Task};
-use canopen::frame::{Channel, Frame, Telegram};
-use canopen::object::Object;
 use canopen::sdo::{Block, Outcome, SdoOptions};
 use canopen_device::station::Station;
 use sim::drive::Drive;
-use units::time::Instant;
 
 /// Frame faults, per thousand frames.
 #[derive(Clone, Copy, Debug, Default)]

@@ -1,29 +1,18 @@
 //! LSS (CiA 305) between master and simulated devices, on a bus with bit timing.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
-
-use std::time::Duration;
 
 use cli::live_bus::Session;
 
-use crate::common::bench::Wire;
 use crate::common::devices::{Devices, session, settle};
 use crate::common::golden::compare;
-use canopen::frame::Frame;
+use crate::common::prelude::*;
+use canopen::NmtCommand;
 use canopen::nmt::Order;
-use canopen::{NmtCommand, NodeId};
 use canopen_device::lss::codec::{LssState, Request};
 use canopen_device::lss::{Address, BitRate};
 use canopen_tools::lss::identify::{Description, Identify};
 use canopen_tools::lss::job::{Job, LssError, Report, Selection, Timeouts};
 use canopen_tools::lss::master::Master;
 use canopen_tools::procedure::Procedure;
-use memory_bus::Memory;
-use units::time::Instant;
 
 const TIMEOUTS: Timeouts = Timeouts {
     reply: Duration::from_millis(50),

@@ -1,4 +1,13 @@
 //! Tests of node, master and drives on the in-memory bus, and of the pure rooms: they start no process and open no socket.
+#![allow(
+    clippy::expect_used,
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test; figures are to be seen"
+)]
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -14,7 +23,10 @@ mod campaign;
 mod changed_gains;
 mod compensated_push;
 mod config;
+mod config_sections;
+mod control_events;
 mod control_law;
+mod controller_steps;
 mod coupling;
 mod cycle_thread;
 mod delayed_link;
@@ -44,6 +56,7 @@ mod no_switch_box;
 mod operator;
 mod operators;
 mod oracles;
+mod other_clients;
 mod plausibility;
 mod position_scale;
 mod power_off;
@@ -63,4 +76,5 @@ mod stored_offsets;
 mod telemetry;
 mod teleoperation;
 mod torque_curve;
+mod worked_example;
 mod wrong_facts;

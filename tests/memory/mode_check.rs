@@ -1,40 +1,12 @@
 //! Drives that display their mode only when enabled (`joint.boot.mode_shown`): each is enabled alone, under 5 % of its
 //! torque, and disabled within 10 ms unless it displays torque mode.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    clippy::wildcard_enum_match_arm,
-    reason = "what a test cannot do without has failed the test"
-)]
+#![allow(clippy::wildcard_enum_match_arm, reason = "values of other types are of no interest here")]
 
-use std::path::Path;
-use std::time::Duration;
+use crate::common::prelude::*;
+use canopen::drive::Statusword;
 
-use crate::common::bench::Wire;
-use canopen::drive::{State, Statusword};
-use canopen::frame::Frame;
-use canopen::master::event::Event;
-use config::Config;
-use config::files;
-use config::shipped::HAND_CONTROLLERS;
-use node::Request;
-use node::record::Mode;
-use sim::quirks::Quirk;
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::numbering::Joint;
-use units::time::Instant;
-
-/// One PDO per direction: the statusword is in the first TPDO.
-const PER_DRIVE: &str = "config/kraft_like_500hz.toml";
-const ELBOW: Joint = Joint::of::<3>();
 /// Both edges of the interval are measured with the resolution of a cycle.
 const LOOK_TIME: Duration = Duration::from_millis(10);
-
-fn text(file: &str) -> String {
-    String::from_utf8(files::read(file.as_ref()).unwrap()).unwrap()
-}
 
 /// Returns `text` with `mode_shown = "enabled"` in each joint.
 fn shown_when_enabled(text: &str) -> String {
@@ -57,13 +29,9 @@ fn shown_when_enabled(text: &str) -> String {
     changed
 }
 
-fn parse(file: &str, text: &str) -> Config {
-    Config::parse(Path::new(file), text).unwrap_or_else(|invalid| panic!("{file}: {invalid}"))
-}
-
 /// Returns a bench whose drives have these quirks.
 fn bench(config: &Config, quirk: &str, joints: &[Joint]) -> (Bench<Wire>, Wire) {
-    let mut scenario = Scenario::parse("seconds = 20\n").unwrap();
+    let mut scenario = script("seconds = 20\n");
     for joint in joints {
         scenario.quirks_mut().add(*joint, [quirk.parse::<Quirk>().unwrap()]);
     }
@@ -153,7 +121,7 @@ fn drive_in_another_mode_is_disabled_under_5_percent_and_named() {
 
 #[test]
 fn time_and_torque_limit_hold_on_the_wire() {
-    let config = parse(PER_DRIVE, &shown_when_enabled(&text(PER_DRIVE)));
+    let config = parse(KRAFT_500HZ, &shown_when_enabled(&text(KRAFT_500HZ)));
     let period = config.period;
     for (quirk, is_accepted) in [
         ("mode-when-enabled", true),
@@ -185,7 +153,7 @@ fn written_mode(wire: &Wire) -> Vec<u8> {
 
 #[test]
 fn drive_that_does_not_answer_is_disabled_in_10_ms() {
-    let config = parse(PER_DRIVE, &shown_when_enabled(&text(PER_DRIVE)));
+    let config = parse(KRAFT_500HZ, &shown_when_enabled(&text(KRAFT_500HZ)));
     let (mut bench, wire) = bench(&config, "slow-sdo:40", &[ELBOW]);
     let Err(error) = bench.bring_up() else { panic!("accepted unseen") };
     let reason = "joint 3 (elbow), node 3: 6061h could not be read within 10 ms of enabling; the drive is disabled again";
@@ -196,7 +164,7 @@ fn drive_that_does_not_answer_is_disabled_in_10_ms() {
 
 #[test]
 fn one_drive_is_enabled_at_a_time_until_all_modes_were_seen() {
-    let config = parse(PER_DRIVE, &shown_when_enabled(&text(PER_DRIVE)));
+    let config = parse(KRAFT_500HZ, &shown_when_enabled(&text(KRAFT_500HZ)));
     let (mut bench, wire) = bench(&config, "mode-when-enabled", &Joint::ALL);
     bench.bring_up().unwrap();
     let is_raise = |data: &[u8]| {
@@ -242,7 +210,7 @@ fn planned_rpdos_hold_controlword_and_torque_alone() {
 fn key_is_refused_where_looking_would_be_dangerous() {
     let of = |file: &str, change: &dyn Fn(String) -> String| {
         let text = change(shown_when_enabled(&text(file)));
-        Config::parse(Path::new(file), &text).map(|_| ()).unwrap_err().to_string()
+        refusal(file, &text)
     };
     let stated = of("config/drives/maxon_epos4.toml", &|text| {
         let limit = text.split("[joint.torque_limit]\n").nth(1).unwrap();
@@ -251,7 +219,7 @@ fn key_is_refused_where_looking_would_be_dangerous() {
     });
     assert!(stated.contains("mode_shown") && stated.contains("reduce to 5 %"), "{stated}");
     for object in ["607Ah", "60FFh"] {
-        let moves = of(PER_DRIVE, &|text| {
+        let moves = of(KRAFT_500HZ, &|text| {
             let key = "mode_shown = \"enabled\"\n";
             text.replacen(
                 key,
@@ -264,9 +232,9 @@ fn key_is_refused_where_looking_would_be_dangerous() {
             "{moves}"
         );
     }
-    let unknown = of(PER_DRIVE, &|text| text.replacen("\"enabled\"", "\"later\"", 1));
+    let unknown = of(KRAFT_500HZ, &|text| text.replacen("\"enabled\"", "\"later\"", 1));
     assert!(unknown.contains("mode_shown") && unknown.contains("\"always\""), "{unknown}");
     let slow =
-        of(PER_DRIVE, &|text| text.replace("sync_period_us = 2000", "sync_period_us = 8000"));
+        of(KRAFT_500HZ, &|text| text.replace("sync_period_us = 2000", "sync_period_us = 8000"));
     assert!(slow.contains("mode_shown"), "{slow}");
 }

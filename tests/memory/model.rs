@@ -1,15 +1,11 @@
 //! `kind = "both"`: a robot in another process, and its model in the node.
 
-use std::time::Duration;
-
 use crate::common::linked::{LINK, MODEL, linked, with_model};
-use crate::linked_node::{MS, Network, ask, booted_near, cycles, engage, parse, parse_as};
-use config::shipped::HAND_CONTROLLERS;
-use node::Request;
-use node::cause::{Cause, CauseKind};
-use node::record::Mode;
+use crate::common::prelude::*;
+use crate::common::refusals::are_refused;
+use crate::linked_node::{Network, ask, booted_near, cycles, engage, parse_as};
+use node::cause::CauseKind;
 use remote::model::Difference;
-use units::spatial::Motion;
 
 /// Returns the names of the shipped hand controllers.
 fn hands() -> impl Iterator<Item = &'static str> {
@@ -29,9 +25,9 @@ const NETWORKS: [Network; 3] = [
 fn hazard_49_contact_over_a_link_stays_within_the_limit() {
     for hand in hands() {
         let text = with_model(hand);
-        let cycles = 5.0e3 * parse_as(hand, &text).unwrap().period.as_secs_f64();
+        let cycles = 5.0e3 * parse_as(hand, &text).period.as_secs_f64();
         let stated = format!("round_trip_ms = {:.1}", cycles.max(5.0));
-        let config = parse_as(hand, &text.replace("round_trip_ms = 5.0", &stated)).unwrap();
+        let config = parse_as(hand, &text.replace("round_trip_ms = 5.0", &stated));
         let limit = config.far_side.model_limit.unwrap();
         for network in NETWORKS {
             let (mut node, _) = booted_near(hand, &config, network, ());
@@ -56,7 +52,7 @@ fn hazard_49_contact_over_a_link_stays_within_the_limit() {
 #[test]
 fn hazard_49_robot_that_does_not_follow_ends_reflection() {
     for hand in hands() {
-        let config = parse_as(hand, &with_model(hand)).unwrap();
+        let config = parse_as(hand, &with_model(hand));
         let (mut node, handle) = booted_near(hand, &config, Network::default(), ());
         handle.is_blocked.set(true);
         assert_eq!(ask(&mut node, Request::Arm), Ok(Mode::Armed));
@@ -84,7 +80,7 @@ fn views_have_the_joints_of_the_model() {
     let text = with_model("kraft_like")
         .replace("start_m = [0.4, 0.0, 0.3] ", arm)
         .replace("start_deg = [90.0, 0.0, 90.0]", "");
-    let config = parse(&text).unwrap();
+    let config = parse(KRAFT, &text);
     let (mut node, _) = booted_near("kraft_like", &config, Network::default(), ());
     let record = engage(&mut node);
     let chain = *config.robot.as_ref().unwrap().law().chain();
@@ -95,40 +91,35 @@ fn views_have_the_joints_of_the_model() {
 
 #[test]
 fn hazard_18_keys_of_a_model_are_refused_by_name() {
-    let refused = |text: &str| parse(text).unwrap_err().to_string();
-    for (keys, reason) in [
-        (LINK.to_owned(), "remote.link.model_limit_m: missing field"),
-        (format!("{LINK}\nmodel_limit_m = 0.02"), "remote.link.model_limit_deg: missing field"),
-        (
-            format!("{LINK}\nmodel_limit_m = 0.002\nmodel_limit_deg = 5.0"),
-            "remote.link.model_limit_m: must be at least 0.0025",
-        ),
-        (
-            format!("{LINK}\nmodel_limit_m = 0.02\nmodel_limit_deg = 0.1"),
-            "remote.link.model_limit_deg: must be at least 0.57",
-        ),
-        (
-            format!("{LINK}\nmodel_limit_m = nan\nmodel_limit_deg = 5.0"),
-            "remote.link.model_limit_m: must be within",
-        ),
+    let rows = [
+        ("remote.link.model_limit_m", "0.002", "must be at least 0.0025"),
+        ("remote.link.model_limit_deg", "0.1", "must be at least 0.57"),
+        ("remote.link.model_limit_m", "nan", "must be within"),
+    ];
+    are_refused(KRAFT, &with_model("kraft_like"), &rows);
+    let both =
+        |keys: &str| linked("kraft_like", keys).replacen("kind = \"link\"", "kind = \"both\"", 1);
+    let angle = format!("{LINK}\nmodel_limit_m = 0.02");
+    for (text, reason) in [
+        (both(LINK), "remote.link.model_limit_m: missing field"),
+        (both(&angle), "remote.link.model_limit_deg: missing field"),
+        (linked("kraft_like", &angle), "model_limit_deg: missing field"),
     ] {
-        let text = linked("kraft_like", &keys).replacen("kind = \"link\"", "kind = \"both\"", 1);
-        assert!(refused(&text).contains(reason), "{reason}: {}", refused(&text));
+        let refusal = refusal(KRAFT, &text);
+        assert!(refusal.contains(reason), "{reason}: {refusal}");
     }
-    let lone = linked("kraft_like", &format!("{LINK}\nmodel_limit_m = 0.02"));
-    assert!(refused(&lone).contains("model_limit_deg: missing field"), "{}", refused(&lone));
 }
 
 #[test]
 fn one_key_switches_between_the_three_modes() {
-    let file = std::fs::read_to_string("config/kraft_like.toml").unwrap();
+    let file = fs::read_to_string(KRAFT).unwrap();
     let link = format!("[remote.link]\n{LINK}\n{MODEL}\n\n[safety]");
     let file = file.replacen("[safety]", &link, 1);
     for (kind, has_link, has_model) in
         [("virtual", false, false), ("link", true, false), ("both", true, true)]
     {
         let text = file.replacen("kind = \"virtual\"", &format!("kind = \"{kind}\""), 1);
-        let far = parse(&text).unwrap().far_side.clone();
+        let far = parse(KRAFT, &text).far_side.clone();
         assert_eq!(
             (far.agreement.is_some(), far.model_limit.is_some()),
             (has_link, has_model),

@@ -1,43 +1,29 @@
 //! A Net F/T sensor as that of `frhc robot`: its records in virtual time, its reader, the robot, and the node's end of the contract.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::net::SocketAddr;
-use std::path::Path;
-use std::time::Duration;
 
 use contract::{Feedback, Motion, NodeEnd, Order, Reason};
 
 use crate::common::linked::{LINK, linked};
+use crate::common::prelude::*;
+use config::NetFtSensor;
 use config::robots::RobotArm;
-use config::{Config, NetFtSensor};
 use net_ft::rdt::{Record, Request};
 use net_ft::reader::Reader;
 use net_ft::scale::Scale;
 use sim::random::SplitMix;
 use testbench::far_robot::{FarRobot, RobotLimits};
-use units::time::Instant;
 
-const MS: Duration = Duration::from_millis(1);
 /// Records per second, and counts per unit.
 const RATE: u64 = 7_000;
 const COUNTS: f64 = 1e6;
-const PUMA: &str = "config/robots/puma560.toml";
 const SECTION: &str = "address = \"192.168.1.1\"\ncounts_per_n = 1e6\ncounts_per_nm = 1e6";
 
 /// Returns a robot's file with this section of a sensor.
 fn text(section: &str) -> String {
-    let text = std::fs::read_to_string("config/kraft_like.toml").unwrap();
+    let text = fs::read_to_string(KRAFT).unwrap();
     let text = text.replacen("mass_kg = 0.8 ", "mass_kg = 0.0 ", 1);
     text.replacen("[safety]", &format!("[remote.link.sensor]\n{section}\n\n[safety]"), 1)
-}
-
-fn parse(text: &str) -> Result<Config, config::Invalid> {
-    Config::parse(Path::new("config/kraft_like.toml"), text)
 }
 
 /// Network between the sensor and its reader: returns the datagrams that arrive for a record, with their sources.
@@ -64,7 +50,7 @@ struct Rig {
 
 impl Rig {
     fn new() -> Self {
-        let config = parse(&text(SECTION)).unwrap();
+        let config = parse(KRAFT, &text(SECTION));
         let NetFtSensor { address, counts_per_n, counts_per_nm } = config.far_side.sensor.unwrap();
         let scale = Scale::new(counts_per_n, counts_per_nm).unwrap();
         let config = config.with_robot(RobotArm::load(Path::new(PUMA)).unwrap());
@@ -262,7 +248,7 @@ fn addresses_with_and_without_a_port_are_accepted() {
         ("fe80::1", "[fe80::1]:49152"),
         ("[fe80::1]:5000", "[fe80::1]:5000"),
     ] {
-        let config = parse(&text(&SECTION.replace("192.168.1.1", address))).unwrap();
+        let config = parse(KRAFT, &text(&SECTION.replace("192.168.1.1", address)));
         assert_eq!(config.far_side.sensor.unwrap().address.to_string(), expected);
     }
 }
@@ -270,7 +256,7 @@ fn addresses_with_and_without_a_port_are_accepted() {
 #[test]
 fn sensors_that_cannot_be_read_are_refused_by_their_key() {
     let refused = |text: &str, reason: &str| {
-        let refused = parse(text).unwrap_err().to_string();
+        let refused = refusal(KRAFT, text);
         assert!(refused.contains(reason), "{reason}: {refused}");
         assert_eq!(refused.lines().count(), 1, "{refused}");
     };
@@ -321,7 +307,8 @@ fn rate_of_the_sensor_is_judged_by_the_cycle() {
         let text = text(&format!("{SECTION}\nrate_hz = {rate}.0"));
         let before = "sync_period_us = 1000";
         assert!(text.contains(before));
-        let refused = parse(&text.replacen(before, &format!("sync_period_us = {period_us}"), 1));
+        let text = text.replacen(before, &format!("sync_period_us = {period_us}"), 1);
+        let refused = Config::parse(Path::new(KRAFT), &text);
         let is_named = refused.is_err_and(|refused| refused.to_string().contains("sensor.rate_hz"));
         assert_eq!(is_named, !is_accepted, "{period_us} µs, {rate} Hz");
     }

@@ -1,32 +1,18 @@
 //! A configuration without `[switches]`: it boots, proves and stops, and nothing can be armed.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::path::Path;
-use std::time::Duration;
-
-use crate::common::bench::{Wire, scenario};
-use canopen::drive::State;
-use config::{Config, NoSwitchBox};
-use node::Request;
-use node::record::Mode;
+use crate::common::prelude::*;
+use config::NoSwitchBox;
 use telemetry::losses::Losses;
 use telemetry::status::Status;
-use testbench::bench::Bench;
-use units::time::Instant;
 
-const FILES: [&str; 2] = ["config/kraft_like.toml", "config/jpl_like.toml"];
+const FILES: [&str; 2] = [KRAFT, JPL];
 
 /// Returns a shipped configuration without its section `[switches]`.
 fn without_switches(file: &str) -> Config {
-    let text = std::fs::read_to_string(file).unwrap();
+    let text = fs::read_to_string(file).unwrap();
     let (before, after) = text.split_once("\n[switches]\n").unwrap();
     let (_, after) = after.split_once("\n[controller]\n").unwrap();
-    Config::parse(Path::new(file), &format!("{before}\n[controller]\n{after}")).unwrap()
+    parse(file, &format!("{before}\n[controller]\n{after}"))
 }
 
 fn bench(file: &str) -> (Bench<Wire>, Wire) {
@@ -37,10 +23,9 @@ fn bench(file: &str) -> (Bench<Wire>, Wire) {
 #[test]
 fn network_without_switch_box_has_six_nodes() {
     for file in FILES {
-        let config = without_switches(file);
+        let (config, with) = (without_switches(file), config(file));
         assert_eq!((config.node_plans().len(), config.data_sheets().count()), (6, 6));
         assert!(config.node_plans().iter().all(|(_, plan)| plan.is_drive()));
-        let with = Config::load(Path::new(file)).unwrap();
         let load = |config: &Config| config.loads().iter().map(|load| load.percent()).sum::<f64>();
         assert!(load(&config) < load(&with), "no frame of a switch box is counted");
         assert_eq!(config.switch_box().err(), Some(NoSwitchBox));
@@ -77,9 +62,8 @@ fn drives_without_switch_box_are_proven_and_never_armed() {
 
 #[test]
 fn silent_switch_box_is_another_refusal() {
-    let config = Config::load(Path::new(FILES[0])).unwrap();
-    let mut bench = Bench::new(&config, scenario("free"), 1, Wire::default());
-    bench.bring_up().unwrap();
+    let config = config(FILES[0]);
+    let mut bench = started(&config, scenario("free"), Wire::default());
     bench.world_mut().switches_mut().unwrap().unplug();
     bench.run(20);
     let refused = bench.ask(Request::Arm).unwrap_err().to_string();

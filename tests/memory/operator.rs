@@ -1,30 +1,13 @@
 //! Hazards of operation: deadman, switches, arming, disarming, uncommanded motion. Runs on the in-memory bus; the
 //! figures are those of docs/safety.md.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
-
-use std::path::Path;
 
 use nalgebra::Isometry3;
 
-use crate::common::bench::{config, scenario};
-use config::{Config, JointPlant};
+use crate::common::prelude::*;
+use config::JointPlant;
 use controller::arm::{Arm, Link};
 use experiments::comparison;
-use node::Request;
-use node::cause::Cause;
-use node::record::{Mode, Record};
-use sim::scenario::Scenario;
 use telemetry::summary::Summary;
-use testbench::bench::Bench;
-use units::spatial::Motion;
-
-const KRAFT: &str = "config/kraft_like.toml";
 
 /// Armed, engaged at 0.3 s, reflection on at 0.4 s; the hand moves sideways from 0.55 s to 1.15 s.
 const ENGAGED: &str = "[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
@@ -36,11 +19,8 @@ const ENGAGED: &str = "[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
 /// Maximum change of a torque per cycle, as a share of the joint's capacity: all of it in 20 ms.
 const SLEW: f64 = 0.05;
 
-fn bench_of(config: &Config, script: &str) -> Bench<()> {
-    let script = Scenario::parse(&format!("seconds = 100\n{script}")).unwrap();
-    let mut bench = Bench::new(config, script, 1, ());
-    bench.bring_up().unwrap();
-    bench
+fn bench_of(config: &Config, text: &str) -> Bench<()> {
+    started(config, script(&format!("seconds = 100\n{text}")), ())
 }
 
 /// Returns the records of a scenario until `seconds`.
@@ -174,8 +154,8 @@ fn hazard_40_reference_or_mode_change_gives_no_impulse() {
 
 /// Returns the records of [`ENGAGED`] with these faults of the switch box.
 fn with_faults(seed: u64, faults: &str) -> Vec<Record> {
-    let script = Scenario::parse(&format!("seconds = 100\n{ENGAGED}{faults}")).unwrap();
-    let mut bench = Bench::new(&config(KRAFT), script, seed, ());
+    let mut bench =
+        Bench::new(&config(KRAFT), script(&format!("seconds = 100\n{ENGAGED}{faults}")), seed, ());
     bench.bring_up().unwrap();
     (0..1_400).map(|_| bench.cycle()).collect()
 }
@@ -241,9 +221,8 @@ fn hazard_41_reflection_enabled_in_contact_ramps_in_300_ms() {
 
 #[test]
 fn hazard_41_overestimated_mass_trips_on_uncommanded_motion() {
-    let text = include_str!("../../config/kraft_like.toml");
     // Masses that a configuration file cannot have: the motors could not hold the arm.
-    let configured = Config::parse(Path::new(KRAFT), text).unwrap();
+    let configured = config(KRAFT);
     let links = configured.plant().joints.map(|JointPlant { link, .. }| Link {
         mass: if link.mass < 1.0 { link.mass + 2.0 } else { link.mass + 20.0 },
         ..link
@@ -252,9 +231,9 @@ fn hazard_41_overestimated_mass_trips_on_uncommanded_motion() {
     let controller = controller::Settings { arm, ..configured.controller };
     let overestimated = configured.with_controller(controller);
     // A hand of low impedance.
-    let script = "seconds = 10\n[hand]\npreset = \"relaxed\"\n\
+    let relaxed = "seconds = 10\n[hand]\npreset = \"relaxed\"\n\
         [[console]]\nat_s = 0.1\nrequest = \"arm\"\n";
-    let script = Scenario::parse(script).unwrap();
+    let script = script(relaxed);
     let mut bench = Bench::in_world_of(&config(KRAFT), &overestimated, script.clone(), 1, ());
     bench.bring_up().unwrap();
     bench.run(1_200);
@@ -263,8 +242,7 @@ fn hazard_41_overestimated_mass_trips_on_uncommanded_motion() {
     assert!(matches!(cause, Some(Cause::UncommandedMotion | Cause::GripOverspeed)), "{cause:?}");
     assert!(bench.node().mode().is_stopped());
 
-    let mut correct = Bench::new(&config(KRAFT), script, 1, ());
-    correct.bring_up().unwrap();
+    let mut correct = started(&config(KRAFT), script, ());
     correct.run(1_500);
     assert_eq!((correct.node().mode(), correct.node().cause()), (Mode::Armed, None));
 }
@@ -297,8 +275,7 @@ fn hazard_30_and_hazard_41_disarming_ramps_down_in_50_ms() {
 fn hazard_45_stiff_wall_within_the_gains_does_not_trip() {
     let script = scenario("stiff-wall");
     let config = comparison::surrounded(&config(KRAFT), &script);
-    let mut bench = Bench::new(&config, script, 1, ());
-    bench.bring_up().unwrap();
+    let mut bench = started(&config, script, ());
     while bench.elapsed().as_secs_f64() < 7.0 {
         assert_eq!(bench.cycle().cause, None);
     }
@@ -314,7 +291,7 @@ const LETTING_GO: &str = "[[console]]\nat_s = 0.05\nrequest = \"arm\"\n\
 
 #[test]
 fn promise_14_samples_lost_while_letting_go_do_not_trip() {
-    let config = config("config/kraft_like_500hz.toml");
+    let config = config(KRAFT_500HZ);
     // The wall pushes the hand out: energy from the torques. Each loss is a speed that is wrong to both sides.
     let lost = |ms| {
         let at_s = 1e-3 * f64::from(ms);

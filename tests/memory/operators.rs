@@ -1,41 +1,25 @@
 //! Operator presets and surfaces with friction, in the complete control loop on the in-memory bus.
-#![allow(
-    clippy::float_cmp,
-    clippy::panic,
-    clippy::print_stdout,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test; figures are to be seen"
-)]
-
-use std::path::Path;
 
 use nalgebra::Vector3;
 
-use config::Config;
+use crate::common::prelude::*;
 use controller::assist::ContactFade;
 use controller::{Extensions, Settings};
-use node::record::Record;
-use sim::scenario::Scenario;
 use telemetry::summary::Summary;
-use testbench::bench::Bench;
-use units::spatial::Wrench;
 
-const FILE: &str = "config/kraft_like.toml";
-const CONFIG: &str = include_str!("../../config/kraft_like.toml");
 const CONTACT: &str = include_str!("../../config/scenarios/contact_10s.toml");
 
 /// Returns the contact scenario with another target of its first move, and with these lines added.
 fn going(to_m: &str, more: &str) -> Scenario {
-    let script = CONTACT.replacen("to_m = [0.045, 0.0, 0.0]", &format!("to_m = {to_m}"), 1);
-    assert_ne!(script, CONTACT, "the first move goes along x");
-    Scenario::parse(&format!("{script}\n{more}")).unwrap()
+    let text = CONTACT.replacen("to_m = [0.045, 0.0, 0.0]", &format!("to_m = {to_m}"), 1);
+    assert_ne!(text, CONTACT, "the first move goes along x");
+    script(&format!("{text}\n{more}"))
 }
 
 /// Runs the first six seconds of a scenario; calls `on_force` with each reflected force on the grip, in {0}.
 fn summary(config: &str, scenario: Scenario, mut on_force: impl FnMut(Vector3<f64>)) -> Summary {
-    let config = Config::parse(Path::new(FILE), config).unwrap();
-    let mut bench = Bench::new(&config, scenario, 1, ());
-    bench.bring_up().unwrap();
+    let config = parse(KRAFT, config);
+    let mut bench = started(&config, scenario, ());
     let mut summary = Summary::default();
     for _ in 0..6_000 {
         let record = bench.cycle();
@@ -50,7 +34,7 @@ fn summary(config: &str, scenario: Scenario, mut on_force: impl FnMut(Vector3<f6
 fn every_operator_preset_feels_the_wall_without_a_stop() {
     let felt = ["relaxed", "firm", "nervous"].map(|preset| {
         let hand = format!("[hand]\npreset = \"{preset}\"\n");
-        let summary = summary(CONFIG, going("[0.08, 0.0, 0.0]", &hand), |_| {});
+        let summary = summary(KRAFT_TEXT, going("[0.08, 0.0, 0.0]", &hand), |_| {});
         assert_eq!(summary.missing_samples, 0, "{preset}: {summary}");
         assert_eq!(summary.stopped_by, None, "{preset}");
         assert!(summary.contact_seconds > 0.5, "{preset}: {summary}");
@@ -62,7 +46,7 @@ fn every_operator_preset_feels_the_wall_without_a_stop() {
 
 #[test]
 fn friction_of_a_rough_wall_opposes_sliding() {
-    let rough = CONFIG.replacen("[remote.wall]", "[remote.wall]\nfriction = 0.8", 1);
+    let rough = KRAFT_TEXT.replacen("[remote.wall]", "[remote.wall]\nfriction = 0.8", 1);
     let sideways = "[0.05, 0.03, 0.0]";
     let mut strongest = 0.0_f64;
     summary(&rough, going(sideways, ""), |f_0| {
@@ -72,7 +56,7 @@ fn friction_of_a_rough_wall_opposes_sliding() {
     });
     assert!(strongest > 0.3, "only {strongest} N against the motion");
     let mut smooth = 0.0_f64;
-    summary(CONFIG, going(sideways, ""), |f_0| smooth = smooth.max(f_0.yz().norm()));
+    summary(KRAFT_TEXT, going(sideways, ""), |f_0| smooth = smooth.max(f_0.yz().norm()));
     assert!(smooth < 0.1 * strongest, "without friction {smooth} N");
 }
 
@@ -87,12 +71,10 @@ const REFLECTION: &str =
 
 /// Returns the peak speed of the grip in m/s, and the cause of a stop, with K_D in N·s/m and lines of the scenario.
 fn withdrawn(damping: &str, more: &str) -> (f64, Option<String>) {
-    let text = CONFIG.replacen("point_m = [0.47,", "point_m = [0.9,", 1);
+    let text = KRAFT_TEXT.replacen("point_m = [0.47,", "point_m = [0.9,", 1);
     let text = text.replacen("[8.0, 8.0, 8.0]", &format!("[{damping}, {damping}, {damping}]"), 1);
-    let config = Config::parse(Path::new(FILE), &text).unwrap();
-    let script = Scenario::parse(&format!("{WITHDRAWAL}{more}")).unwrap();
-    let mut bench = Bench::new(&config, script, 1, ());
-    bench.bring_up().unwrap();
+    let config = parse(KRAFT, &text);
+    let mut bench = started(&config, script(&format!("{WITHDRAWAL}{more}")), ());
     let mut fastest = 0.0_f64;
     let mut cause = None;
     while bench.elapsed().as_secs_f64() < 6.5 {
@@ -144,13 +126,13 @@ impl InContact {
 
 /// Returns the forces in free motion, in contact and in harder contact; with another task force F0 that halves the return.
 fn in_rate_mode(name: &str, fade: Option<Option<f64>>) -> [InContact; 3] {
-    let mut config = Config::load(Path::new(&format!("config/{name}.toml"))).unwrap();
+    let mut config = config(&format!("config/{name}.toml"));
     if let Some(f0) = fade {
         let contact_fade = f0.map(|f0| ContactFade::new(f0).unwrap());
         let extensions = Extensions { contact_fade, ..config.controller.extensions };
         config = config.clone().with_controller(Settings { extensions, ..config.controller });
     }
-    let mut bench = Bench::new(&config, Scenario::parse(CONTACT).unwrap(), 1, ());
+    let mut bench = Bench::new(&config, script(CONTACT), 1, ());
     bench.bring_up().unwrap();
     [3.3, 6.4, 8.4].map(|seconds| {
         loop {
@@ -198,7 +180,7 @@ fn a_stronger_fade_returns_less_and_lets_the_hand_press_more() {
 #[test]
 fn hand_feels_more_in_harder_contact_in_every_direction() {
     for name in ["kraft_like", "kraft_like_500hz", "jpl_like", "sixr_spherical"] {
-        let config = Config::load(Path::new(&format!("config/{name}.toml"))).unwrap();
+        let config = config(&format!("config/{name}.toml"));
         let fade = config.controller.extensions.contact_fade.unwrap();
         let [x, y, z, ..] = config.controller.channels.plateaus();
         for [a, b, c] in [[1.0, 0.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 1.0], [0.3, 0.0, 1.0]] {

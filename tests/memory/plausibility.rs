@@ -1,26 +1,8 @@
 //! Implausible samples in the complete control loop on the in-memory bus: their effect, and no stop without a cause.
 //! `tests/memory/scenarios.rs` tests the reaction to each fault scenario.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::path::Path;
-
-use crate::common::bench::{config, scenario};
-use config::Config;
-use node::cause::{Cause, CauseKind};
-use node::record::{Mode, Record};
-use sim::quirks::Quirk;
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::numbering::Joint;
-
-const ELBOW: Joint = Joint::of::<3>();
-const KRAFT: &str = "config/kraft_like.toml";
+use crate::common::prelude::*;
+use node::cause::CauseKind;
 
 /// Engaged after 0.3 s, and a hand that moves with 60 mm/s from 0.4 s on.
 const MOVING: &str = "seconds = 2\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
@@ -29,10 +11,8 @@ const MOVING: &str = "seconds = 2\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
     [[move]]\nat_s = 0.4\nduration_s = 1.0\nto_m = [0.06, 0.03, 0.0]\n";
 
 /// Returns the records of the first `seconds`.
-fn run(config: &Config, script: &str, seconds: f64) -> Vec<Record> {
-    let script = Scenario::parse(script).unwrap();
-    let mut bench = Bench::new(config, script, 1, ());
-    bench.bring_up().unwrap();
+fn run(config: &Config, text: &str, seconds: f64) -> Vec<Record> {
+    let mut bench = started(config, script(text), ());
     let mut records = Vec::new();
     while bench.elapsed().as_secs_f64() < seconds {
         records.push(bench.cycle());
@@ -55,10 +35,8 @@ fn with_fault(fault: &str) -> String {
 
 /// Returns a configuration whose elbow range ends 2° from its start at 95°.
 fn with_narrow_elbow() -> Config {
-    let text = std::fs::read_to_string(KRAFT).unwrap();
-    let narrow = text.replace("limit_deg = [0.0, 140.0]", "limit_deg = [93.0, 140.0]");
-    assert_ne!(narrow, text);
-    Config::parse(Path::new(KRAFT), &narrow).unwrap()
+    let narrow = [("limit_deg = [0.0, 140.0]", "limit_deg = [93.0, 140.0]")];
+    parse(KRAFT, &changed(KRAFT_TEXT, &narrow))
 }
 
 #[test]
@@ -89,7 +67,7 @@ fn growing_delay(config: &Config, max_cycles: u32) -> String {
 
 #[test]
 fn hazard_04_growing_delay_stops_the_node_at_14_cycles() {
-    for name in [KRAFT, "config/kraft_like_500hz.toml", "config/jpl_like.toml"] {
+    for name in [KRAFT, KRAFT_500HZ, JPL] {
         let config = config(name);
         let records = run(&config, &format!("{MOVING}{}", growing_delay(&config, 26)), 1.6);
         let begun = records[0].at;
@@ -164,7 +142,7 @@ fn hazard_04_ten_cycle_delay_of_6077h_resembles_a_10_ms_filter() {
 
 #[test]
 fn hazard_12_single_bit_error_in_one_sample_is_tolerated() {
-    for (name, before) in [(KRAFT, ""), ("config/kraft_like_500hz.toml", "0000")] {
+    for (name, before) in [(KRAFT, ""), (KRAFT_500HZ, "0000")] {
         let config = config(name);
         for bit in [6, 8, 9, 10, 11, 16, 30] {
             let mask: String =
@@ -211,7 +189,7 @@ fn hazard_11_grip_above_1_m_per_s_stops_within_three_cycles() {
 #[test]
 fn hazard_43_joint_beyond_its_limit_ends_reflection_at_once() {
     let narrow = with_narrow_elbow();
-    let script = Scenario::parse(MOVING).unwrap();
+    let script = script(MOVING);
     let mut bench = Bench::in_world_of(&config(KRAFT), &narrow, script, 1, ());
     bench.bring_up().unwrap();
     let records: Vec<_> = (0..1_600).map(|_| bench.cycle()).collect();
@@ -239,7 +217,7 @@ fn hazard_43_arm_at_its_soft_stops_does_not_trip() {
 #[test]
 fn promise_14_single_losses_of_one_per_mille_never_stop() {
     for name in ["kraft_like", "kraft_like_500hz", "jpl_like"] {
-        let text = std::fs::read_to_string("config/scenarios/contact_10s.toml").unwrap();
+        let text = fs::read_to_string("config/scenarios/contact_10s.toml").unwrap();
         let lost = "[[fault]]\nat_s = 0.0\nkind = \"drop\"\njoint = \"all\"\nframe = \"tpdo1\"\nshare = 0.001\n";
         let records = run(&config(&format!("config/{name}.toml")), &format!("{text}{lost}"), 5.0);
         assert_eq!(records.last().unwrap().cause, None, "{name}");
@@ -251,7 +229,7 @@ fn promise_14_single_losses_of_one_per_mille_never_stop() {
 /// Returns every shipped configuration of an arm.
 fn shipped() -> Vec<String> {
     let files = |folder: &str| {
-        let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+        let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
         let files = entries.filter(|path| path.extension().is_some_and(|it| it == "toml"));
         files.map(|path| path.to_str().unwrap().to_owned()).collect::<Vec<_>>()
     };
@@ -265,13 +243,12 @@ fn shipped() -> Vec<String> {
 fn promise_14_filtered_6077h_of_any_drive_never_stops() {
     for name in shipped() {
         for quirk in ["filtered-torque:5", "filtered-torque:-5"] {
-            let text = std::fs::read_to_string("config/scenarios/contact_10s.toml").unwrap();
-            let mut script = Scenario::parse(&text).unwrap();
+            let text = fs::read_to_string("config/scenarios/contact_10s.toml").unwrap();
+            let mut script = script(&text);
             for joint in Joint::ALL {
                 script.quirks_mut().add(joint, [quirk.parse::<Quirk>().unwrap()]);
             }
-            let mut bench = Bench::new(&config(&name), script, 1, ());
-            bench.bring_up().unwrap();
+            let mut bench = started(&config(&name), script, ());
             while bench.elapsed().as_secs_f64() < 4.0 {
                 let record = bench.cycle();
                 assert_eq!(record.cause, None, "{name}, {quirk}: {:?}", bench.elapsed());
@@ -284,7 +261,7 @@ fn promise_14_filtered_6077h_of_any_drive_never_stops() {
 fn hazard_10_torque_30_percent_too_low_is_seen() {
     // The elbow holds some 250 ‰, and reports 175 ‰.
     let fault = "kind = \"torque_actual_scale\"\njoint = 3\nscale = 0.7\n";
-    let records = run(&config("config/kraft_like_500hz.toml"), &with_fault(fault), 1.0);
+    let records = run(&config(KRAFT_500HZ), &with_fault(fault), 1.0);
     let cause = records.iter().find_map(|record| record.cause);
     assert_eq!(cause, Some(Cause::TorqueDiffers { joint: ELBOW }));
 }
@@ -299,8 +276,7 @@ fn promise_14_shipped_scenarios_never_stop_the_node() {
         ("sixr_spherical", "free", 6.0),
     ] {
         let config = config(&format!("config/{config_name}.toml"));
-        let mut bench = Bench::new(&config, scenario(script), 1, ());
-        bench.bring_up().unwrap();
+        let mut bench = started(&config, scenario(script), ());
         while bench.elapsed().as_secs_f64() < seconds {
             let record = bench.cycle();
             assert_eq!(record.cause, None, "{config_name}, {script}");

@@ -1,23 +1,6 @@
 //! Position scale of a simulated drive against the joint angle of the node: `drive_encoder`, `drive_gear`, `drive_feed`.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::path::Path;
-
-use crate::common::bench::{Wire, until};
-use canopen::object::Object;
-use config::Config;
-use node::record::{Mode, Record};
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::numbering::Joint;
-
-const ARM: &str = include_str!("../../config/kraft_like_500hz.toml");
-const ELBOW: Joint = Joint::of::<3>();
+use crate::common::prelude::*;
 
 /// Arms immediately; closes the deadman 0.4 s after the first SYNC. The hand moves from then on.
 const SCRIPT: &str = "seconds = 5\n\
@@ -31,16 +14,16 @@ const TOLERANCE: f64 = 2e-3;
 /// Returns the arm with `keys` in place of the elbow's encoder_counts_per_rev. 1:1 in 608Fh verifies no scale, so that
 /// is accepted, and the arm is weak.
 fn arm(keys: &str) -> Config {
-    let weak = ARM.replace("max_force_n = 40.0 ", "max_force_n = 5.0 ");
+    let weak = KRAFT_500HZ_TEXT.replace("max_force_n = 40.0 ", "max_force_n = 5.0 ");
     let (before, elbow) = weak.split_once("name = \"elbow\"").unwrap();
     let keys = format!("accept_stated_only = [\"position_scale\"]\nrest_deg = 95.0\n{keys}");
     let elbow = elbow.replacen("encoder_counts_per_rev = 16384", &keys, 1);
     let text = format!("{before}name = \"elbow\"{elbow}");
-    Config::parse(Path::new("config/test.toml"), &text).unwrap()
+    parse("config/test.toml", &text)
 }
 
 fn bench(keys: &str) -> Bench<Wire> {
-    let scenario = Scenario::parse(SCRIPT).unwrap();
+    let scenario = script(SCRIPT);
     Bench::new(&arm(keys), scenario, 1, Wire::default())
 }
 
@@ -99,7 +82,7 @@ fn factors_that_contradict_the_counts_are_read_as_another_angle() {
 #[test]
 fn gear_scales_the_usual_encoder_and_feed() {
     let refused = |keys: &str, quirk: &str| {
-        let mut scenario = Scenario::parse(SCRIPT).unwrap();
+        let mut scenario = script(SCRIPT);
         scenario.quirks_mut().add(ELBOW, [quirk.parse().unwrap()]);
         let mut bench = Bench::new(&arm(keys), scenario, 1, Wire::default());
         bench.bring_up().map_or_else(|error| error.to_string(), |()| String::new())
@@ -115,7 +98,7 @@ fn gear_scales_the_usual_encoder_and_feed() {
 #[test]
 fn drive_that_counts_tenths_of_a_degree_is_refused() {
     let refusal = |config: &Config, quirk: &str| {
-        let mut scenario = Scenario::parse(SCRIPT).unwrap();
+        let mut scenario = script(SCRIPT);
         scenario.quirks_mut().add(ELBOW, [quirk.parse().unwrap()]);
         let mut bench = Bench::new(config, scenario, 1, Wire::default());
         if let Err(error) = bench.bring_up() {
@@ -128,7 +111,7 @@ fn drive_that_counts_tenths_of_a_degree_is_refused() {
             record.output.q[ELBOW.index()]
         )
     };
-    let nanotec = crate::common::bench::config("config/drives/nanotec_cl4e.toml");
+    let nanotec = config("config/drives/nanotec_cl4e.toml");
     for config in [arm("encoder_counts_per_rev = 16384"), nanotec] {
         assert_eq!(
             refusal(&config, "stored:60A8h=FF410000h"),

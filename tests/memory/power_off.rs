@@ -1,35 +1,14 @@
 //! Confirmation that drives are off after disable voltage: hazard 46, in both layouts and with heartbeats alone.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::time::Duration;
-
+use crate::common::prelude::*;
 use canopen_rs::NmtState;
 
-use crate::common::bench::{Wire, config, until};
-use bus::Bus;
-use canopen::drive::State;
-use node::Request;
-use node::cause::{Cause, CauseKind};
-use node::record::{Mode, Record};
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::numbering::Joint;
-use units::time::Instant;
+use node::cause::CauseKind;
 
-/// Statusword and controlword in PDOs of their own.
-const GROUPED: &str = "config/kraft_like.toml";
-/// One PDO per direction, RPDO timer.
-const PER_DRIVE: &str = "config/kraft_like_500hz.toml";
 /// One PDO per direction, heartbeat consumer only.
 const HEARTBEAT_ONLY: &str = "config/drives/maxon_epos4.toml";
-const ALL: [&str; 3] = [GROUPED, PER_DRIVE, HEARTBEAT_ONLY];
+const ALL: [&str; 3] = [KRAFT, KRAFT_500HZ, HEARTBEAT_ONLY];
 
-const ELBOW: Joint = Joint::of::<3>();
 const FIVE_MS: Duration = Duration::from_millis(5);
 
 /// The elbow's drive does not obey its controlword.
@@ -44,10 +23,9 @@ fn lost(frame: &str) -> String {
 
 /// Returns an armed node that has just stopped by the emergency of joint 5 while `faults` last.
 fn stopped(file: &str, faults: &str) -> (Bench<Wire>, Wire, Record) {
-    let script = Scenario::parse(&format!("seconds = 20\n{faults}{EMERGENCY}")).unwrap();
     let wire = Wire::default();
-    let mut bench = Bench::new(&config(file), script, 1, wire.clone());
-    bench.bring_up().unwrap();
+    let mut bench =
+        started(&config(file), script(&format!("seconds = 20\n{faults}{EMERGENCY}")), wire.clone());
     bench.run(20);
     bench.ask(Request::Arm).unwrap();
     wire.clear();
@@ -89,7 +67,7 @@ fn last_heartbeat(wire: &Wire) -> Instant {
 
 #[test]
 fn hazard_46_lost_controlword_is_replaced_by_sdo() {
-    for (file, frame) in [(GROUPED, "rpdo2"), (HEARTBEAT_ONLY, "rpdo1")] {
+    for (file, frame) in [(KRAFT, "rpdo2"), (HEARTBEAT_ONLY, "rpdo1")] {
         let (mut bench, wire, record) = stopped(file, &lost(frame));
         run_for(&mut bench, Duration::from_millis(160));
         assert!(!is_enabled(&mut bench), "{file}");
@@ -184,7 +162,7 @@ fn hazard_46_failed_reset_keeps_the_name_of_a_drive() {
 
 #[test]
 fn hazard_46_drive_unheard_since_a_reset_is_named_at_the_end() {
-    let (mut bench, _, _) = stopped(PER_DRIVE, &format!("{IGNORED}{NO_NMT}"));
+    let (mut bench, _, _) = stopped(KRAFT_500HZ, &format!("{IGNORED}{NO_NMT}"));
     run_for(&mut bench, Duration::from_millis(400));
     bench.world_mut().drive_mut(ELBOW).unwrap().unplug();
     bench.ask(Request::Reset).unwrap_err();
@@ -232,7 +210,7 @@ fn orderly_and_ordinary_stops_confirm_by_statusword_alone() {
 fn drive_without_statusword_tpdo_is_confirmed_by_sdo() {
     // The elbow's statusword is lost after the stop; its drive obeys.
     let silent = "[[fault]]\nat_s = 1.549\nkind = \"drop\"\njoint = 3\nframe = \"tpdo2\"\n";
-    let (mut bench, wire, _) = stopped(GROUPED, silent);
+    let (mut bench, wire, _) = stopped(KRAFT, silent);
     run_for(&mut bench, Duration::from_millis(200));
     let record = bench.cycle();
     assert_eq!((record.mode, record.not_off), (Mode::DrivesOff, [false; 6]));
@@ -243,7 +221,7 @@ fn drive_without_statusword_tpdo_is_confirmed_by_sdo() {
 
 #[test]
 fn first_cause_of_a_stop_is_kept_when_a_drive_stays_on() {
-    let (mut bench, _, _) = stopped(PER_DRIVE, IGNORED);
+    let (mut bench, _, _) = stopped(KRAFT_500HZ, IGNORED);
     let record = until(&mut bench, |record| record.not_off[2]);
     assert!(matches!(record.cause, Some(Cause::Emergency { .. })), "{:?}", record.cause);
     assert_eq!(record.targets, [0; 6]);

@@ -2,36 +2,9 @@
 //!
 //! Each quirk is given to the elbow's drive: once at 1 kHz with the targets of three drives in one frame, once at
 //! 500 Hz with one frame per drive.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::path::Path;
-use std::time::Duration;
-
-use crate::common::bench::{Wire, until};
-use bus::Bus;
-use canopen::drive::State;
-use canopen::frame::{Channel, Frame};
-use canopen::master::event::Event;
-use canopen::object::Object;
+use crate::common::prelude::*;
 use canopen_device::station::Station;
-use config::Config;
-use node::Request;
-use node::cause::Cause;
-use node::record::Mode;
-use sim::quirks::Quirk;
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::time::Instant;
-
-const GROUPED: &str = include_str!("../../config/kraft_like.toml");
-const PER_DRIVE: &str = include_str!("../../config/kraft_like_500hz.toml");
-const ELBOW: Joint = Joint::of::<3>();
 
 /// Arms immediately; closes the deadman 0.4 s after the first SYNC, when the drives are enabled.
 const SCRIPT: &str = "seconds = 5\n\
@@ -55,8 +28,6 @@ enum Outcome {
 }
 
 use Outcome::{NotProven, Refused, Runs, Unarmed};
-
-use units::numbering::Joint;
 
 /// Quirk, outcome at 1 kHz in groups, outcome at 500 Hz drive by drive.
 const TABLE: &[(&str, Outcome, Outcome)] = &[
@@ -165,15 +136,7 @@ const OTHER: &str = "1018h:2 is FBFDFFEFh, expected 04020010h";
 fn config(text: &str) -> Config {
     let elbow = "rated_torque_nm = 0.1307";
     let text = text.replacen(elbow, &format!("{elbow}\nrated_current_a = 4.2"), 1);
-    Config::parse(Path::new("config/test.toml"), &text).unwrap()
-}
-
-fn bench(config: &Config, script: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) {
-    let mut scenario = Scenario::parse(script).unwrap();
-    let quirks = quirks.iter().map(|quirk| quirk.parse::<Quirk>().unwrap());
-    scenario.quirks_mut().add(ELBOW, quirks);
-    let wire = Wire::default();
-    (Bench::new(config, scenario, 1, wire.clone()), wire)
+    parse("config/test.toml", &text)
 }
 
 fn any_torque(bench: &mut Bench<Wire>) -> bool {
@@ -254,7 +217,7 @@ fn is_not_proven(quirk: &str, reason: &str, mut bench: Bench<Wire>, wire: &Wire)
 fn check_all(text: &str, outcome: impl Fn(&(&str, Outcome, Outcome)) -> Outcome) {
     let config = config(text);
     for row in TABLE {
-        let (bench, wire) = bench(&config, SCRIPT, &[row.0]);
+        let (bench, wire) = bench_of(&config, SCRIPT, &[row.0]);
         match outcome(row) {
             Runs => runs(row.0, bench),
             Refused(reason) => is_refused(row.0, reason, bench, &wire),
@@ -266,12 +229,12 @@ fn check_all(text: &str, outcome: impl Fn(&(&str, Outcome, Outcome)) -> Outcome)
 
 #[test]
 fn hazard_16_quirks_at_1_khz_are_handled_or_refused() {
-    check_all(GROUPED, |row| row.1);
+    check_all(KRAFT_TEXT, |row| row.1);
 }
 
 #[test]
 fn hazard_16_quirks_at_500_hz_are_handled_or_refused() {
-    check_all(PER_DRIVE, |row| row.2);
+    check_all(KRAFT_500HZ_TEXT, |row| row.2);
 }
 
 #[test]
@@ -283,8 +246,8 @@ fn table_covers_all_quirks() {
 
 #[test]
 fn sync_counter_missing_in_a_drive_is_refused_by_object() {
-    let text = PER_DRIVE.replace("node_id = 127 ", "sync_counter = 240\nnode_id = 127 ");
-    let (bench, wire) = bench(&config(&text), SCRIPT, &["no-sync-counter"]);
+    let text = KRAFT_500HZ_TEXT.replace("node_id = 127 ", "sync_counter = 240\nnode_id = 127 ");
+    let (bench, wire) = bench_of(&config(&text), SCRIPT, &["no-sync-counter"]);
     let reason = "1019h refused: 06020000h object does not exist";
     is_refused("no-sync-counter", reason, bench, &wire);
 }
@@ -300,8 +263,8 @@ fn off_and_identified(wire: &Wire) -> (Instant, Instant) {
 
 #[test]
 fn hazard_17_enabled_drive_is_switched_off_first() {
-    for text in [GROUPED, PER_DRIVE] {
-        let (mut bench, wire) = bench(&config(text), SCRIPT, &["running-at-start"]);
+    for text in [KRAFT_TEXT, KRAFT_500HZ_TEXT] {
+        let (mut bench, wire) = bench_of(&config(text), SCRIPT, &["running-at-start"]);
         assert!(any_torque(&mut bench), "before the boot");
         bench.bring_up().unwrap();
         let (off, identified) = off_and_identified(&wire);
@@ -315,7 +278,7 @@ fn hazard_17_enabled_drive_is_switched_off_first() {
 #[test]
 fn boot_waits_for_a_falling_arm_to_stand_still() {
     let script = format!("{SCRIPT}[[hold]]\nat_s = 0\nholding = false\n");
-    let (mut bench, wire) = bench(&config(PER_DRIVE), &script, &["running-at-start:800"]);
+    let (mut bench, wire) = bench_of(&config(KRAFT_500HZ_TEXT), &script, &["running-at-start:800"]);
     bench.bring_up().unwrap();
     let (off, identified) = off_and_identified(&wire);
     assert!(identified.since(off) > Duration::from_millis(600), "it was moving: {identified:?}");
@@ -326,7 +289,8 @@ fn boot_waits_for_a_falling_arm_to_stand_still() {
 #[test]
 fn hazard_17_enabled_drive_is_off_even_if_then_refused() {
     for (quirk, reason) in [("wrong-identity", OTHER), ("double-replies", TWO)] {
-        let (bench, wire) = bench(&config(PER_DRIVE), SCRIPT, &["running-at-start", quirk]);
+        let (bench, wire) =
+            bench_of(&config(KRAFT_500HZ_TEXT), SCRIPT, &["running-at-start", quirk]);
         is_refused(quirk, reason, bench, &wire);
     }
 }
@@ -336,8 +300,8 @@ const STRAY: (u16, [u8; 4]) = (0x403, [0x0F, 0x00, 0xE8, 0x03]);
 
 #[test]
 fn stray_rpdo_moves_nothing_after_the_boot() {
-    for text in [GROUPED, PER_DRIVE] {
-        let (mut bench, _) = bench(&config(text), SCRIPT, &["open-rpdos"]);
+    for text in [KRAFT_TEXT, KRAFT_500HZ_TEXT] {
+        let (mut bench, _) = bench_of(&config(text), SCRIPT, &["open-rpdos"]);
         bench.bring_up().unwrap();
         let now = bench.node().bus().now();
         let stray = Frame::new(STRAY.0, STRAY.1);
@@ -352,7 +316,7 @@ fn stray_rpdo_moves_nothing_after_the_boot() {
 
 #[test]
 fn fault_without_emergency_is_seen_in_the_statusword() {
-    let (mut bench, wire) = bench(&config(PER_DRIVE), SCRIPT, &["quiet-fault"]);
+    let (mut bench, wire) = bench_of(&config(KRAFT_500HZ_TEXT), SCRIPT, &["quiet-fault"]);
     bench.bring_up().unwrap();
     until(&mut bench, |record| record.mode == Mode::Engaged);
     bench.world_mut().drive_mut(ELBOW).unwrap().fail_with(0x3210);
@@ -375,7 +339,7 @@ fn fixed_mapping_of_the_configured_layout_runs() {
         quirks.extend(entries.map(|(sub, entry)| format!("stored:{mapping}:{sub}={entry:#x}")));
     }
     let quirks: Vec<_> = quirks.iter().map(String::as_str).collect();
-    let (bench, wire) = bench(&config(PER_DRIVE), SCRIPT, &quirks);
+    let (bench, wire) = bench_of(&config(KRAFT_500HZ_TEXT), SCRIPT, &quirks);
     runs("fixed-mapping", bench);
     let is_write = |frame: &Frame| matches!(frame.data(), [0x23, _, 0x16 | 0x1A, ..]);
     assert!(!wire.since(Instant::ZERO, 0x603).iter().any(|(_, frame)| is_write(frame)));
@@ -384,7 +348,7 @@ fn fixed_mapping_of_the_configured_layout_runs() {
 #[test]
 fn quirks_in_scenario_and_command_line_are_equal() {
     let script = format!("{SCRIPT}[[drive]]\njoint = 3\nquirks = [\"keeps-torque\"]\n");
-    let (bench, wire) = bench(&config(PER_DRIVE), &script, &[]);
+    let (bench, wire) = bench_of(&config(KRAFT_500HZ_TEXT), &script, &[]);
     is_refused("keeps-torque", KEEPS, bench, &wire);
 }
 
@@ -392,18 +356,18 @@ fn quirks_in_scenario_and_command_line_are_equal() {
 fn each_quirk_has_a_scenario() {
     for name in Quirk::NAMES {
         let file = format!("config/scenarios/quirks/{name}.toml");
-        let script = Scenario::parse(&std::fs::read_to_string(&file).unwrap()).unwrap();
+        let script = script(&fs::read_to_string(&file).unwrap());
         let quirks: Vec<_> = script.quirks().for_joint(ELBOW).iter().collect();
         assert_eq!(quirks, [name.parse().unwrap()], "{file}");
     }
-    let files = std::fs::read_dir("config/scenarios/quirks").unwrap();
+    let files = fs::read_dir("config/scenarios/quirks").unwrap();
     assert_eq!(files.count(), Quirk::NAMES.len(), "each file has a quirk");
 }
 
 #[test]
 fn world_without_quirks_is_unchanged_bit_for_bit() {
     let frames = |script: &str| {
-        let (mut bench, wire) = bench(&config(PER_DRIVE), script, &[]);
+        let (mut bench, wire) = bench_of(&config(KRAFT_500HZ_TEXT), script, &[]);
         bench.bring_up().unwrap();
         bench.run(100);
         wire.all()

@@ -1,40 +1,16 @@
 //! Rehearsal: the arms of config/drives, whose drives are made from the data sheets of real ones.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::path::Path;
-
-use crate::common::bench::{Wire, config};
-use bus::Bus;
+use crate::common::prelude::*;
 use campaign::monitor::{Answer, Monitor};
-use canopen::drive::State;
-use canopen::object::Object;
-use config::Config;
-use node::record::Mode;
-use sim::quirks::Quirk;
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::numbering::Joint;
 
 /// Arms immediately; closes the deadman 0.4 s after the first SYNC, when the drives are enabled.
 const SCRIPT: &str = "seconds = 5\n\
     [[console]]\nat_s = 0.02\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.4\ndeadman = true\n";
 
-fn bench(config: &Config, quirks: &[&str]) -> Bench<Wire> {
-    let mut scenario = Scenario::parse(SCRIPT).unwrap();
-    let quirks = quirks.iter().map(|quirk| quirk.parse::<Quirk>().unwrap());
-    scenario.quirks_mut().add(Joint::of::<3>(), quirks);
-    Bench::new(config, scenario, 1, Wire::default())
-}
-
 /// Every configuration, with the timers that stop its drives.
 fn files() -> Vec<(String, Config)> {
-    let entries = std::fs::read_dir("config/drives").unwrap().map(|entry| entry.unwrap().path());
+    let entries = fs::read_dir("config/drives").unwrap().map(|entry| entry.unwrap().path());
     let name = |path: &Path| path.to_str().unwrap().to_owned();
     entries.map(|path| (name(&path), config(&name(&path)))).collect()
 }
@@ -44,7 +20,7 @@ fn arm_of_each_maker_engages_and_stops_without_a_fault() {
     let files = files();
     assert!(files.len() >= 5, "{}", files.len());
     for (name, config) in files {
-        let mut bench = bench(&config, &[]);
+        let (mut bench, _) = bench_of(&config, SCRIPT, &[]);
         bench.bring_up().unwrap_or_else(|error| panic!("{name}: {error}"));
         let engaged = (0..500).map(|_| bench.cycle()).find(|it| it.mode == Mode::Engaged);
         assert!(engaged.is_some(), "{name}");
@@ -60,7 +36,7 @@ fn arm_of_each_maker_engages_and_stops_without_a_fault() {
 #[test]
 fn every_drive_is_proven_by_the_timers_of_its_maker() {
     for (name, config) in files() {
-        let mut bench = bench(&config, &[]);
+        let (mut bench, _) = bench_of(&config, SCRIPT, &[]);
         bench.bring_up().unwrap();
         let proven = bench.node().proof_test_report().clone();
         let planned = config.stopping();
@@ -83,7 +59,7 @@ fn stored_values_are_found_in_drives_of_elmo() {
         ("stored:608Fh:1=8192", "608Fh"),
         ("stored:6076h=131000", "6076h"),
     ] {
-        let booted = bench(&elmo, &[quirk]).bring_up();
+        let booted = bench_of(&elmo, SCRIPT, &[quirk]).0.bring_up();
         let error = booted.err().map_or(String::new(), |error| error.to_string());
         assert!(error.contains("joint 3 (elbow)") && error.contains(object), "{quirk}: {error}");
     }
@@ -99,7 +75,7 @@ fn simulated_drives_hold_what_the_makers_tool_must_set() {
         0xFF41_0000,
         "tenths of a degree at delivery"
     );
-    let mut bench = bench(&nanotec, &[]);
+    let (mut bench, _) = bench_of(&nanotec, SCRIPT, &[]);
     let drive = bench.world_mut().drive_mut(Joint::of::<3>()).unwrap();
     assert_eq!(drive.dictionary().unsigned(Object::POSITION_UNIT), 0x00B5_0000);
     assert_eq!(drive.dictionary().unsigned(Object::VELOCITY_UNIT), 0x00B4_4700);
@@ -108,8 +84,7 @@ fn simulated_drives_hold_what_the_makers_tool_must_set() {
 #[test]
 fn monitor_finds_no_violation_with_the_drives_of_each_maker() {
     for (name, config) in files() {
-        let scenario = Scenario::parse(SCRIPT).unwrap();
-        let mut bench = Bench::new(&config, scenario, 1, Monitor::new(&config));
+        let mut bench = Bench::new(&config, script(SCRIPT), 1, Monitor::new(&config));
         bench.bring_up().unwrap_or_else(|error| panic!("{name}: {error}"));
         let mut has_pushed = false;
         for _ in 0..400 {

@@ -1,19 +1,12 @@
 //! The rings between cycle and recorder, on the in-memory bus: a recorder that hangs or is gone changes no torque.
-#![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
 
-use std::path::Path;
-
+use crate::common::prelude::*;
 use bus::Tap;
-use config::Config;
 use run::rings::rings;
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::time::Instant;
 
 fn bench<T: Tap>(tap: T) -> Bench<T> {
-    let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
-    let script = "seconds = 2\n[[console]]\nat_s = 0.05\nrequest = \"arm\"\n";
-    Bench::new(&config, Scenario::parse(script).unwrap(), 1, tap)
+    let text = "seconds = 2\n[[console]]\nat_s = 0.05\nrequest = \"arm\"\n";
+    Bench::new(&config(KRAFT), script(text), 1, tap)
 }
 
 /// Returns the torques of this many cycles with the arm held by gravity compensation.

@@ -1,39 +1,24 @@
 //! Simulated robots at the commanded side, under the control of the room `robot`.
-#![cfg(test)]
-
-use std::path::Path;
-use std::time::Duration;
 
 use nalgebra::Isometry3;
 
-use config::Config;
+use crate::common::prelude::*;
 use config::robots::RobotArm;
 use controller::stability::finding::Verdict;
 use remote::{Command, Remote};
 use robot::wrench_limit::WrenchLimit;
-use sim::scenario::Scenario;
 use sim::wrist_sensor::WristSensorSettings;
-use testbench::bench::Bench;
 use testbench::robot_site::{Equipment, RobotSite};
 use testbench::side::Side;
-use units::spatial::{Motion, Twist};
-use units::time::Instant;
 
 /// Deadband of the accommodation, in N.
 const F_DB: f64 = 1.5;
 
-const ARMS: [&str; 2] = ["config/robots/puma560.toml", "config/robots/eight_r_synthetic.toml"];
+const ARMS: [&str; 2] = [PUMA, "config/robots/eight_r_synthetic.toml"];
 
 /// Returns the configuration kraft_like with an arm in place of the free object, and changes of its text.
 fn config(file: &str, changes: &[(&str, &str)]) -> Config {
-    let path = Path::new("config/kraft_like.toml");
-    let mut text = std::fs::read_to_string(path).unwrap();
-    for (old, new) in changes {
-        assert!(text.contains(old), "{old}");
-        text = text.replacen(old, new, 1);
-    }
-    let config = Config::parse(path, &text).unwrap();
-    config.with_robot(RobotArm::load(Path::new(file)).unwrap())
+    parse(KRAFT, &changed(KRAFT_TEXT, changes)).with_robot(RobotArm::load(Path::new(file)).unwrap())
 }
 
 /// Commands a twist for `cycles` ms; returns the site.
@@ -158,9 +143,9 @@ fn wrench_limit_stops_the_arm() {
 fn simulated_arms_play_the_contact_scenario() {
     for file in ARMS {
         let config = config(file, &[]);
-        let text = std::fs::read_to_string("config/scenarios/contact_10s.toml").unwrap();
+        let text = fs::read_to_string("config/scenarios/contact_10s.toml").unwrap();
         let site = RobotSite::new(&config, &Equipment::from_remote(&config.remote), 1).unwrap();
-        let scenario = Scenario::parse(&text).unwrap();
+        let scenario = script(&text);
         let mut bench = Bench::with_side(&config, site.into(), scenario, 1, ());
         bench.bring_up().unwrap();
         let mut most = 0.0_f64;
@@ -185,7 +170,7 @@ fn displaced(x: f64) -> Scenario {
          [[switch]]\nat_s = 2.9\nreference = false\n\
          [[move]]\nat_s = 3.0\nduration_s = 0.5\nto_m = [{x:?}, 0.0, 0.0]\n"
     );
-    Scenario::parse(&entries).unwrap()
+    script(&entries)
 }
 
 #[test]

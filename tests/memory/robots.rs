@@ -1,14 +1,12 @@
 //! The commanded side against the oracles: arms, payload, Eq. 11, accommodation; and the shipped robot files.
-#![cfg(test)]
-
-use std::path::Path;
 
 use nalgebra::{Isometry3, Vector3};
 
 use crate::common::oracle::{
     self, assert_near, assert_same_pose, list, number, numbers, pose, rows, twist, vector, wrench,
 };
-use config::Config;
+use crate::common::prelude::*;
+use crate::common::refusals::with_value;
 use config::robots::RobotArm;
 use experiments::dual_peg::contact_work::ContactWork;
 use robot::accommodation::Accommodation;
@@ -17,13 +15,11 @@ use robot::following_arm::FollowingArm;
 use robot::interaction::Interaction;
 use robot::object::{Object, Servo};
 use robot::payload::{Payload, SensorMotion};
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::spatial::{Motion, Twist, Wrench, rotation as rotations};
+use units::spatial::rotation as rotations;
 
 const DT: f64 = 1e-3;
 
-const ARMS: [&str; 2] = ["config/robots/puma560.toml", "config/robots/eight_r_synthetic.toml"];
+const ARMS: [&str; 2] = [PUMA, "config/robots/eight_r_synthetic.toml"];
 
 fn arm(file: &str) -> RobotArm {
     RobotArm::load(Path::new(file)).unwrap()
@@ -31,7 +27,7 @@ fn arm(file: &str) -> RobotArm {
 
 #[test]
 fn shipped_puma_matches_the_reference() {
-    let arm = arm("config/robots/puma560.toml");
+    let arm = arm(PUMA);
     for config in list(&oracle::oracle("puma560_corke_mdh.json")["configs"]) {
         let mut q = Joints::zeros();
         q.as_mut_slice()[..6].copy_from_slice(&numbers::<6>(&config["q"]));
@@ -51,7 +47,7 @@ fn shipped_puma_matches_the_reference() {
 
 #[test]
 fn arms_start_where_the_free_object_does() {
-    let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+    let config = config(KRAFT);
     for file in ARMS {
         let arm = arm(file);
         let off = config.remote.x_b_m.inverse() * arm.following().pose();
@@ -196,62 +192,48 @@ fn held_rate_becomes_the_force_of_the_law_on_both_arms() {
 }
 
 /// Returns the messages for the robot file `text`, named by a configuration, with their file names shortened.
-fn refused(changes: &[(&str, &str)]) -> String {
+fn refused(text: &str) -> String {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("arm.toml");
-    let mut text = std::fs::read_to_string("config/robots/puma560.toml").unwrap();
-    for (old, new) in changes {
-        assert!(text.contains(old), "{old}");
-        text = text.replacen(old, new, 1);
-    }
-    std::fs::write(&file, text).unwrap();
-    let config = with_robot(file.to_str().unwrap());
-    let invalid = Config::parse(Path::new("config/kraft_like.toml"), &config).unwrap_err();
-    invalid.to_string().replace(folder.path().to_str().unwrap(), "")
+    fs::write(&file, text).unwrap();
+    let refusal = refusal(KRAFT, &with_robot(file.to_str().unwrap()));
+    refusal.replace(folder.path().to_str().unwrap(), "")
 }
 
 /// Returns the text of kraft_like with a robot in place of the free object.
 fn with_robot(file: &str) -> String {
-    let text = std::fs::read_to_string("config/kraft_like.toml").unwrap();
-    let start = "start_m = [0.4, 0.0, 0.3]";
-    assert!(text.contains(start));
-    let text = text.replacen(start, &format!("robot = \"{file}\""), 1);
-    let lines = text.lines().filter(|line| !line.starts_with("start_deg = [90.0"));
-    lines.collect::<Vec<_>>().join("\n")
+    let robot = format!("robot = \"{file}\"");
+    let held = [("start_m = [0.4, 0.0, 0.3]", &*robot), ("start_deg = [90.0, 0.0, 90.0]", "")];
+    changed(KRAFT_TEXT, &held)
 }
 
 #[test]
 fn invalid_robot_files_are_refused_by_key() {
-    for (old, new, expected) in [
-        (
-            "start_deg = 45.0",
-            "start_deg = 230.0",
-            "joint[1].start_deg: must be within limit_deg, -45 to 225",
-        ),
-        (
-            "limit_deg = [-45.0, 225.0]",
-            "limit_deg = [225.0, -45.0]",
-            "joint[1].limit_deg: must rise",
-        ),
-        (
-            "max_rate_deg_per_s = 82.0",
-            "max_rate_deg_per_s = 0.0",
-            "joint[0].max_rate_deg_per_s: must be above",
-        ),
-        ("length_m = 0.5", "length_m = 0.0", "resolved_rate.length_m: must be within 0.01..=100"),
-        ("length_m = 0.5", "lengths_m = 0.5", "resolved_rate.lengths_m: unknown key"),
-        ("mass_kg = 17.4", "mass_kg = nan", "joint[1].mass_kg: must be within"),
-        ("name = \"PUMA 560\"", "", "missing field `name`"),
+    for (key, value, expected) in [
+        ("joint[1].start_deg", "230.0", "must be within limit_deg, -45 to 225"),
+        ("joint[1].limit_deg", "[225.0, -45.0]", "must rise"),
+        ("joint[0].max_rate_deg_per_s", "0.0", "must be above"),
+        ("resolved_rate.length_m", "0.0", "must be within 0.01..=100"),
+        ("resolved_rate.lengths_m", "0.5", "unknown key"),
+        ("joint[1].mass_kg", "nan", "must be within"),
     ] {
-        let message = refused(&[(old, new)]);
-        assert!(message.contains("/arm.toml:") && message.contains(expected), "{message}");
+        let (text, line) = with_value(&text(PUMA), key, value);
+        let message = refused(&text);
+        let expected = format!("/arm.toml:{line}: {key}: {expected}");
+        assert!(message.contains(&expected), "{key} = {value}: {message}");
         assert!(message.contains("remote.robot: /arm.toml is not usable"), "{message}");
     }
+    let unnamed = refused(&changed(&text(PUMA), &[("name = \"PUMA 560\"", "")]));
+    assert!(
+        unnamed.contains("/arm.toml:") && unnamed.contains("missing field `name`"),
+        "{unnamed}"
+    );
+    assert!(unnamed.contains("remote.robot: /arm.toml is not usable"), "{unnamed}");
 }
 
 #[test]
 fn arms_of_five_or_ten_joints_are_refused() {
-    let text = std::fs::read_to_string("config/robots/puma560.toml").unwrap();
+    let text = fs::read_to_string(PUMA).unwrap();
     let joint = text[text.rfind("[[joint]]").unwrap()..].to_owned();
     let count = |text: &str| {
         let invalid = RobotArm::parse(Path::new("arm.toml"), text).unwrap_err().to_string();
@@ -268,18 +250,16 @@ fn arms_of_five_or_ten_joints_are_refused() {
 
 #[test]
 fn robot_and_start_contradict_each_other() {
-    let text = std::fs::read_to_string("config/kraft_like.toml").unwrap();
+    let text = fs::read_to_string(KRAFT).unwrap();
     let text = text.replacen(
         "kind = \"virtual\"",
         "kind = \"virtual\"\nrobot = \"robots/puma560.toml\"",
         1,
     );
-    let invalid =
-        Config::parse(Path::new("config/kraft_like.toml"), &text).unwrap_err().to_string();
+    let invalid = refusal(KRAFT, &text);
     assert!(invalid.contains("remote.start_m: contradicts remote.robot"), "{invalid}");
     let missing = with_robot("robots/absent.toml");
-    let invalid =
-        Config::parse(Path::new("config/kraft_like.toml"), &missing).unwrap_err().to_string();
+    let invalid = refusal(KRAFT, &missing);
     assert!(invalid.contains("config/robots/absent.toml"), "{invalid}");
 }
 
@@ -290,19 +270,17 @@ fn start_inside_a_surface_is_refused() {
         "point_m = [0.41, 0.0, 0.0]",
         1,
     );
-    let invalid =
-        Config::parse(Path::new("config/kraft_like.toml"), &text).unwrap_err().to_string();
+    let invalid = refusal(KRAFT, &text);
     assert!(invalid.contains("remote.robot: the object would start in a surface"), "{invalid}");
 }
 
 #[test]
 fn arm_plays_the_contact_scenario_like_the_free_object() {
     for file in ["robots/puma560.toml", "robots/eight_r_synthetic.toml"] {
-        let config = Config::parse(Path::new("config/kraft_like.toml"), &with_robot(file)).unwrap();
-        let free = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        let (config, free) = (parse(KRAFT, &with_robot(file)), config(KRAFT));
         let played = |config: &Config| {
-            let text = std::fs::read_to_string("config/scenarios/contact_10s.toml").unwrap();
-            let mut bench = Bench::new(config, Scenario::parse(&text).unwrap(), 1, ());
+            let text = fs::read_to_string("config/scenarios/contact_10s.toml").unwrap();
+            let mut bench = Bench::new(config, script(&text), 1, ());
             bench.bring_up().unwrap();
             let mut poses = Vec::new();
             for _ in 0..10_000 {

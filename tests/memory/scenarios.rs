@@ -1,29 +1,10 @@
 //! Every scenario in config/scenarios/faults: the reaction of the node, and the faults it does not detect.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
-
-use std::path::Path;
-use std::time::Duration;
 
 use nalgebra::SVector;
 
-use crate::common::bench::{Wire, config, scenario};
-use canopen::frame::Channel;
-use canopen::object::Object;
-use config::Config;
+use crate::common::prelude::*;
 use faults::{LinkFault, Target};
 use node::cause;
-use node::record::{Mode, Record};
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-
-const KRAFT: &str = "config/kraft_like.toml";
-const JPL: &str = "config/jpl_like.toml";
 
 /// Reaction of the node to a fault.
 #[derive(Clone, Copy, Debug)]
@@ -52,8 +33,6 @@ const fn within(zero: u64, torque_free: u64) -> Within {
 }
 
 use Node::{Disengages, EndsReflection, GoesOn, Stops};
-
-use units::numbering::Joint;
 
 const DRIVES: &[(&str, Node)] = &[
     ("unplug", Stops("joint 3: no sample for 3 cycles", within(5, 6))),
@@ -123,8 +102,7 @@ struct Run {
 /// Plays a scenario to its end, or for 150 cycles after a stop. No target may exceed its limit.
 fn play(config: &Config, script: &Scenario) -> Run {
     let most = most(config);
-    let mut bench = Bench::new(config, script.clone(), 1, ());
-    bench.bring_up().unwrap();
+    let mut bench = started(config, script.clone(), ());
     let begun = bench.node().bus().stations().scenario_start().unwrap();
     let fault = begun + script.faults()[0].start;
     let (mut torque, mut reflecting) = (within(0, 0), 0);
@@ -245,7 +223,7 @@ fn every_scenario_of_a_fault_is_in_the_table() {
 
 #[test]
 fn scenario_applies_faults_of_host_bus_and_link() {
-    let text = std::fs::read_to_string("config/scenarios/faults/link_loss.toml").unwrap();
+    let text = fs::read_to_string("config/scenarios/faults/link_loss.toml").unwrap();
     let (operator, _) = text.split_once("[[fault]]").unwrap();
     for (keys, target, cause) in [
         ("kind = \"process_stopped\"\nfor_s = 0.05", Target::Host, cause::CauseKind::Overrun),
@@ -254,7 +232,7 @@ fn scenario_applies_faults_of_host_bus_and_link() {
         ("kind = \"sensed_force\"\nforce_n = nan", Target::Link, cause::CauseKind::LinkLost),
     ] {
         let text = format!("{operator}[[fault]]\nat_s = 1.0\n{keys}\n");
-        let mut bench = Bench::new(&config(KRAFT), Scenario::parse(&text).unwrap(), 1, ());
+        let mut bench = Bench::new(&config(KRAFT), script(&text), 1, ());
         bench.bring_up().unwrap();
         let mut last = bench.cycle();
         while bench.elapsed() < Duration::from_millis(1_250) {
@@ -275,8 +253,7 @@ fn scenario_applies_faults_of_host_bus_and_link() {
 fn frames_of(faults: &str, seed: u64) -> Wire {
     let text = "seconds = 2\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n".to_owned() + faults;
     let wire = Wire::default();
-    let script = Scenario::parse(&text).unwrap();
-    let mut bench = Bench::new(&config(KRAFT), script, seed, wire.clone());
+    let mut bench = Bench::new(&config(KRAFT), script(&text), seed, wire.clone());
     bench.bring_up().unwrap();
     bench.run(1_200);
     wire
@@ -300,7 +277,7 @@ fn fault_that_selects_no_frame_changes_nothing() {
 #[test]
 fn wrapping_counter_is_no_fault() {
     // As the arm is at the start, the elbow's counter is 300 before its end.
-    let text = std::fs::read_to_string(KRAFT).unwrap();
+    let text = fs::read_to_string(KRAFT).unwrap();
     let zero = i32::MAX - 300 - 95 * 36 * 16_384 / 360;
     let wrapping = text.replace("zero_counts = -3400\n", &format!("zero_counts = {zero}\n"));
     assert_ne!(text, wrapping);
@@ -312,9 +289,8 @@ fn wrapping_counter_is_no_fault() {
     )
     .unwrap();
     let run = |text: &str| -> Vec<([i16; 6], i32)> {
-        let config = Config::parse(Path::new(KRAFT), text).unwrap();
-        let mut bench = Bench::new(&config, script.clone(), 1, ());
-        bench.bring_up().unwrap();
+        let config = parse(KRAFT, text);
+        let mut bench = started(&config, script.clone(), ());
         let cycle = |_| {
             let targets = bench.cycle().targets;
             let drive = bench.world_mut().drive_mut(Joint::of::<3>()).unwrap();
@@ -336,8 +312,7 @@ fn wrapping_counter_is_no_fault() {
 #[test]
 fn lost_link_freezes_the_object_until_it_is_back() {
     let script = scenario("faults/link_loss");
-    let mut bench = Bench::new(&config(KRAFT), script, 1, ());
-    bench.bring_up().unwrap();
+    let mut bench = started(&config(KRAFT), script, ());
     let (mut known, mut lost) = (None, 0);
     for _ in 0..1_700 {
         let link = bench.world_mut().link();

@@ -1,26 +1,15 @@
 //! SDO transfers between client and simulated drive: sizes, protocols, disturbances of the bus, and durations.
-#![allow(
-    clippy::expect_used,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
-
-use std::time::Duration;
 
 use proptest::prelude::*;
 
-use crate::common::bench::Wire;
 use crate::common::drive::{carry, drive, node};
 use crate::common::golden::compare;
+use crate::common::prelude::*;
 use crate::lossy::{ErrorRates, Lossy};
 use crate::sdo_queue::Task;
-use bus::{Bus, Tap};
+use bus::Tap;
 use canopen::abort::AbortCode;
-use canopen::object::Object;
 use canopen::sdo::{Block, Content, Outcome, SdoError, SdoOptions, Transfer};
-use memory_bus::Memory;
 use sim::drive::Drive;
 
 const BUFFER: Object = Object::SAMPLE_BUFFER;

@@ -2,16 +2,11 @@
 //!
 //! Nodes are served in parallel, the requests to one node in order. Every request has one outcome, unless it
 //! is cancelled.
-#![cfg(test)]
 
 use std::collections::{BTreeMap, VecDeque};
-use std::time::Duration;
 
-use canopen::NodeId;
-use canopen::frame::Frame;
-use canopen::object::Object;
+use crate::common::prelude::*;
 use canopen::sdo::{Outcome, SdoError, SdoOptions, Transfer};
-use units::time::Instant;
 
 /// Request to a node.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,25 +1,12 @@
 //! Facts of drives that only the configuration states: accepted by key, at half of the force, without friction
 //! compensation; and what may limit torque in place of 6072h.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use crate::common::cli::folder;
+use crate::common::prelude::*;
 use crate::common::rest::{KRAFT_LIKE, at_rest};
 use canopen::fact::Fact;
-use canopen::object::Object;
 use config::facts::FactsError;
-use config::{Config, StatedLimit, TorqueLimit};
-use node::record::Mode;
-use node::{Request, RequestError, Unfit};
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
+use config::{StatedLimit, TorqueLimit};
+use node::{RequestError, Unfit};
 
 const FILE: &str = "config/drives/elmo_gold.toml";
 const TEXT: &str = include_str!("../../config/drives/elmo_gold.toml");
@@ -44,19 +31,6 @@ fn lacking(test: &str, objects: &[&str]) -> String {
     TEXT.replace("../../eds/drives/elmo-gold.eds", path.to_str().unwrap())
 }
 
-fn parse(text: &str) -> Result<Config, String> {
-    Config::parse(Path::new(FILE), text).map_err(|invalid| invalid.to_string())
-}
-
-fn refusal(text: &str) -> String {
-    parse(text).map(|_| ()).unwrap_err()
-}
-
-/// Returns `text` with a line in each `[[joint]]`.
-fn in_each_joint(text: &str, line: &str) -> String {
-    text.replace("\nencoder_counts_per_rev", &format!("\n{line}\nencoder_counts_per_rev"))
-}
-
 /// Returns `text` whose joints accept facts by this line, with the rest posture that these need.
 fn accepting(text: &str, line: &str) -> String {
     at_rest(&in_each_joint(text, line), KRAFT_LIKE)
@@ -75,7 +49,7 @@ fn without_friction(text: &str) -> String {
 
 #[test]
 fn stated_facts_are_refused_once_for_all_joints_alike() {
-    let refusal = refusal(&weak(&lacking("refused-once", &[SIGN, ENCODER])));
+    let refusal = refusal(FILE, &weak(&lacking("refused-once", &[SIGN, ENCODER])));
     assert_eq!(refusal.lines().count(), 1, "{refusal}");
     for part in [
         "joint[0].accept_stated_only: azimuth, elevation, elbow, pitch, yaw, roll: sign and position scale are",
@@ -88,7 +62,7 @@ fn stated_facts_are_refused_once_for_all_joints_alike() {
     let elbow = accepting(&lacking("refused-apart", &[SIGN]), "accept_stated_only = [\"sign\"]");
     let mut joints: Vec<_> = elbow.split("name = ").map(str::to_owned).collect();
     joints[4] = joints[4].replacen("accept_stated_only", "#", 1);
-    let apart = self::refusal(&weak(&joints.join("name = ")));
+    let apart = self::refusal(FILE, &weak(&joints.join("name = ")));
     assert!(apart.contains("joint[2].accept_stated_only: elbow: sign is stated only"), "{apart}");
     assert_eq!(apart.lines().count(), 1, "{apart}");
 }
@@ -97,20 +71,20 @@ fn stated_facts_are_refused_once_for_all_joints_alike() {
 fn drive_without_evidence_gets_half_the_force_no_friction() {
     let none = lacking("none", &[SIGN, ENCODER, RATED_CURRENT, RATED_TORQUE]);
     let all = "accept_stated_only = [\"sign\", \"position_scale\", \"torque_unit\"]";
-    let first = refusal(&none);
+    let first = refusal(FILE, &none);
     assert!(first.contains("[\"sign\", \"position_scale\", \"torque_unit\"]"), "{first}");
     let accepted = accepting(&none, all);
-    let strong = refusal(&without_friction(&accepted));
+    let strong = refusal(FILE, &without_friction(&accepted));
     assert!(strong.contains("controller.max_force_n: "), "{strong}");
     assert!(strong.contains("half of 0.5 m/s, as facts of a drive are stated only"), "{strong}");
     assert!(strong.contains("at most 10.0 N in all"), "{strong}");
-    let rubbing = refusal(&weak(&accepted));
+    let rubbing = refusal(FILE, &weak(&accepted));
     assert!(
         rubbing.contains("controller.friction: friction compensation must be off"),
         "{rubbing}"
     );
     assert_eq!((strong.lines().count(), rubbing.lines().count()), (1, 1));
-    let config = parse(&weak(&without_friction(&accepted))).unwrap();
+    let config = parse(FILE, &weak(&without_friction(&accepted)));
     assert!(config.force_cap().is_halved);
     let text = config.facts()[2].to_string();
     assert_eq!(text, "sign stated only, position scale stated only, torque unit stated only");
@@ -119,15 +93,15 @@ fn drive_without_evidence_gets_half_the_force_no_friction() {
 #[test]
 fn unused_encoder_resolution_is_a_stated_scale() {
     let unused = in_each_joint(TEXT, "drive_encoder = [1, 1]");
-    let refusal = refusal(&weak(&unused));
+    let refusal = refusal(FILE, &weak(&unused));
     assert!(refusal.contains("roll: position scale is stated only"), "{refusal}");
     let accepted = accepting(&unused, "accept_stated_only = [\"position_scale\"]");
-    assert!(parse(&weak(&accepted)).is_ok());
+    parse(FILE, &weak(&accepted));
 }
 
 #[test]
 fn unknown_fact_is_refused_by_key() {
-    let refusal = refusal(&in_each_joint(TEXT, "accept_stated_only = [\"scale\"]"));
+    let refusal = refusal(FILE, &in_each_joint(TEXT, "accept_stated_only = [\"scale\"]"));
     let expected = "joint[0].accept_stated_only: unknown fact \"scale\"; expected \"sign\", \"position_scale\" or \"torque_unit\"";
     assert!(refusal.contains(expected), "{refusal}");
 }
@@ -155,7 +129,7 @@ fn shipped_files_accept_what_their_drives_lack() {
 
 /// Returns a bench of `config` with the drives of `world`, after its boot.
 fn booted(world: &Config, config: &Config) -> Bench<()> {
-    let scenario = Scenario::parse("seconds = 5\n").unwrap();
+    let scenario = script("seconds = 5\n");
     let mut bench = Bench::in_world_of(world, config, scenario, 1, ());
     bench.bring_up().unwrap();
     (0..50).for_each(|_| _ = bench.cycle());
@@ -165,8 +139,8 @@ fn booted(world: &Config, config: &Config) -> Bench<()> {
 #[test]
 fn fact_that_the_drive_aborts_is_stated_only_after_the_boot() {
     let accepted = accepting(&lacking("aborts", &[SIGN]), "accept_stated_only = [\"sign\"]");
-    let world = parse(&weak(&accepted)).unwrap();
-    let listed = parse(&weak(TEXT)).unwrap();
+    let world = parse(FILE, &weak(&accepted));
+    let listed = parse(FILE, &weak(TEXT));
     let mut bench = booted(&world, &listed);
     let Err(RequestError::Unfit(refused)) = bench.ask(Request::Arm) else { panic!("armed") };
     let [Unfit::Facts(FactsError::NotAccepted { joints, facts })] = &refused[..] else {
@@ -175,11 +149,11 @@ fn fact_that_the_drive_aborts_is_stated_only_after_the_boot() {
     assert_eq!((joints.len(), &facts[..]), (6, &[Fact::Sign][..]));
     assert_eq!(bench.node().mode(), Mode::Ready);
     // Accepted, it halves the force all the same.
-    let strong = parse(&accepting(TEXT, "accept_stated_only = [\"sign\"]")).unwrap();
+    let strong = parse(FILE, &accepting(TEXT, "accept_stated_only = [\"sign\"]"));
     assert!(!strong.force_cap().is_halved);
     let refused = booted(&world, &strong).ask(Request::Arm).unwrap_err();
     assert!(refused.to_string().contains("half of 0.5 m/s"), "{refused}");
-    let weak = parse(&weak(&accepting(TEXT, "accept_stated_only = [\"sign\"]"))).unwrap();
+    let weak = parse(FILE, &weak(&accepting(TEXT, "accept_stated_only = [\"sign\"]")));
     let mut bench = booted(&world, &weak);
     bench.ask(Request::Arm).unwrap();
     assert!(
@@ -192,12 +166,12 @@ fn fact_that_the_drive_aborts_is_stated_only_after_the_boot() {
 #[test]
 fn arming_is_refused_by_all_its_reasons_at_once() {
     let sign = "accept_stated_only = [\"sign\"]";
-    let world = parse(&weak(&accepting(&lacking("at-once", &[SIGN]), sign))).unwrap();
+    let world = parse(FILE, &weak(&accepting(&lacking("at-once", &[SIGN]), sign)));
     // Too much force for a fact that is stated only, which is not accepted, and the elbow rests elsewhere.
     let mut elsewhere = KRAFT_LIKE;
     elsewhere[2] -= 10.0;
     let strong = at_rest(TEXT, elsewhere);
-    let mut bench = booted(&world, &parse(&strong).unwrap());
+    let mut bench = booted(&world, &parse(FILE, &strong));
     let refused = bench.ask(Request::Arm).unwrap_err();
     let RequestError::Unfit(reasons) = &refused else { panic!("{refused}") };
     let kinds = reasons.iter().map(|reason| match reason {
@@ -216,8 +190,8 @@ fn arming_is_refused_by_all_its_reasons_at_once() {
 fn friction_in_a_unit_that_the_drive_aborts_is_not_armed() {
     let key = "accept_stated_only = [\"torque_unit\"]";
     let world = lacking("unit", &[RATED_CURRENT, RATED_TORQUE]);
-    let world = parse(&weak(&without_friction(&in_each_joint(&world, key)))).unwrap();
-    let listed = parse(&weak(&in_each_joint(TEXT, key))).unwrap();
+    let world = parse(FILE, &weak(&without_friction(&in_each_joint(&world, key))));
+    let listed = parse(FILE, &weak(&in_each_joint(TEXT, key)));
     let refused = booted(&world, &listed).ask(Request::Arm).unwrap_err();
     assert!(refused.to_string().starts_with("friction compensation must be off"), "{refused}");
 }
@@ -234,24 +208,24 @@ fn limited(text: &str, lines: &str) -> String {
 #[test]
 fn object_that_limits_no_torque_is_refused() {
     for object in ["6087h", "6071h", "6080h", "605Ah", "1017h"] {
-        let refusal = refusal(&limited(TEXT, &format!("object = \"{object}\"\nvalue = 1")));
+        let refusal = refusal(FILE, &limited(TEXT, &format!("object = \"{object}\"\nvalue = 1")));
         let expected =
             format!("joint[0].torque_limit.object: {object} limits no torque; name 6072h, 6073h,");
         assert!(refusal.contains(&expected), "{refusal}");
         assert_eq!(refusal.lines().count(), 1, "{refusal}");
     }
     for object in ["6072h", "6073h"] {
-        parse(&limited(TEXT, &format!("object = \"{object}\"\nvalue = 900"))).unwrap();
+        parse(FILE, &limited(TEXT, &format!("object = \"{object}\"\nvalue = 900")));
     }
-    let zero = refusal(&limited(TEXT, "object = \"6073h\"\nvalue = 0"));
+    let zero = refusal(FILE, &limited(TEXT, "object = \"6073h\"\nvalue = 0"));
     assert!(zero.contains("joint[0].torque_limit.value: must be within 1..="), "{zero}");
 }
 
 #[test]
 fn limit_of_one_direction_is_written_for_both() {
-    let kraft = "config/kraft_like.toml";
+    let kraft = KRAFT;
     let text = limited(&fs::read_to_string(kraft).unwrap(), "object = \"60E0h\"\nvalue = 900");
-    let config = Config::parse(Path::new(kraft), &text).unwrap();
+    let config = parse(kraft, &text);
     let Some(TorqueLimit::Objects(writes)) = &config.joints[0].torque_limit else { panic!() };
     let objects: Vec<_> = writes.iter().map(|(object, _)| *object).collect();
     assert_eq!(objects, [Object::POSITIVE_TORQUE_LIMIT, Object::NEGATIVE_TORQUE_LIMIT]);
@@ -272,11 +246,11 @@ fn limit_of_the_makers_tool_halves_the_force() {
         )
     };
     let drive = lacking("tool", &[MAX_TORQUE]);
-    let without = refusal(&drive);
+    let without = refusal(FILE, &drive);
     assert!(without.contains("[joint.torque_limit]"), "{without}");
-    let strong = refusal(&tool(&drive, "makers_tool_per_mille = 900"));
+    let strong = refusal(FILE, &tool(&drive, "makers_tool_per_mille = 900"));
     assert!(strong.contains("max_force_n") && strong.contains("at most 10.0 N"), "{strong}");
-    let config = parse(&weak(&tool(&drive, "makers_tool_per_mille = 900"))).unwrap();
+    let config = parse(FILE, &weak(&tool(&drive, "makers_tool_per_mille = 900")));
     assert_eq!(config.facts()[5].torque_limit, Some(StatedLimit::PerMille(900.0)));
     let text = config.facts()[0].to_string();
     assert!(
@@ -287,7 +261,7 @@ fn limit_of_the_makers_tool_halves_the_force() {
     let limits = |object: Object| plans[0].1.demands().any(|demand| demand == object);
     assert!(!limits(Object::MAX_TORQUE));
     booted(&config, &config).ask(Request::Arm).unwrap();
-    parse(&weak(&tool(&drive, "makers_tool_ma = 3000"))).unwrap();
+    parse(FILE, &weak(&tool(&drive, "makers_tool_ma = 3000")));
     for (lines, reason) in [
         (
             "makers_tool_ma = 3000\nmakers_tool_per_mille = 900",
@@ -296,10 +270,10 @@ fn limit_of_the_makers_tool_halves_the_force() {
         ("object = \"6073h\"", "joint[0].torque_limit.object: needs a value beside it"),
         ("makers_tool_ma = 0", "joint[0].torque_limit.makers_tool_ma: must be within"),
     ] {
-        let refusal = refusal(&limited(&weak(&drive), lines));
+        let refusal = refusal(FILE, &limited(&weak(&drive), lines));
         assert!(refusal.contains(reason), "{lines}: {refusal}");
     }
-    let listed = refusal(&limited(TEXT, "makers_tool_ma = 3000"));
+    let listed = refusal(FILE, &limited(TEXT, "makers_tool_ma = 3000"));
     assert!(
         listed.contains("joint[0].torque_limit: must be absent, as 6072h is in the EDS"),
         "{listed}"

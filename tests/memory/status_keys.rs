@@ -1,21 +1,10 @@
 //! Keys of the status, and the page that explains them.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
-
-use std::path::Path;
 
 use crate::common::linked::with_model;
-use crate::linked_node::{Network, booted_near, engage, parse};
-use config::Config;
-use serde_json::Value;
-use sim::scenario::Scenario;
+use crate::common::prelude::*;
+use crate::linked_node::{Network, booted_near, engage};
 use telemetry::losses::Losses;
 use telemetry::status::Status;
-use testbench::bench::Bench;
 
 /// Page with the table of the keys.
 const PAGE: &str = include_str!("../../docs/operation.md");
@@ -36,12 +25,11 @@ fn keys(status: &Status) -> Vec<String> {
 
 #[test]
 fn every_key_of_the_status_is_in_the_table_of_its_page() {
-    let scenario = Scenario::parse("seconds = 1.0").unwrap();
-    let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
-    let mut bench = Bench::new(&config, scenario, 1, ());
-    bench.bring_up().unwrap();
+    let scenario = script("seconds = 1.0");
+    let config = config(KRAFT);
+    let mut bench = started(&config, scenario, ());
     let plain = Status::from_record(&bench.cycle(), 0, Losses::default());
-    let near = parse(&with_model("kraft_like")).unwrap();
+    let near = parse(KRAFT, &with_model("kraft_like"));
     let (mut node, _) = booted_near("kraft_like", &near, Network::default(), ());
     let modelled = Status::from_record(&engage(&mut node), 0, Losses::default());
     assert!(modelled.model.is_some());

@@ -1,19 +1,15 @@
 //! The scenario `stiff-wall`: every shipped arm meets its wall, and the verdict is that of the contact.
-#![cfg(test)]
 
-use crate::common::bench::{config, scenario};
-use config::Config;
+use crate::common::prelude::*;
 use experiments::comparison::{self, Comparison, Verdict};
 use remote::site::Virtual;
 use telemetry::fidelity::{Fidelity, WrenchSource};
 use telemetry::summary::Summary;
-use testbench::bench::Bench;
 use testbench::truth::Truth;
 
 /// Plays the scenario to the end.
 fn played(config: &Config) -> Summary {
-    let mut bench = Bench::new(config, scenario("stiff-wall"), 1, ());
-    bench.bring_up().unwrap();
+    let mut bench = started(config, scenario("stiff-wall"), ());
     let mut summary = Summary::default();
     let (mut truth, mut at_hand) = (Truth::new(config), Fidelity::new(WrenchSource::Hand));
     while bench.elapsed().as_secs_f64() < 16.0 {
@@ -78,7 +74,7 @@ fn verdict_on_soft_and_on_too_stiff_walls() {
 
 #[test]
 fn wall_out_of_reach_is_not_met() {
-    let config = config("config/kraft_like.toml");
+    let config = config(KRAFT);
     let mut wall = config.remote.wall.unwrap();
     wall.0.x = 0.7;
     let config = config.clone().with_remote(Virtual { wall: Some(wall), ..config.remote.clone() });

@@ -1,23 +1,7 @@
 //! Time until a drive stops without frames from the node: the proof test finds the value that `frhc check` reads from the
 //! data sheet, so both refuse arming at the same force.
-#![allow(
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::fs;
-use std::path::Path;
-use std::time::Duration;
-
-use crate::common::bench::Wire;
-use crate::common::cli::folder;
-use config::Config;
-use node::Request;
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-
-const TEXT: &str = include_str!("../../config/kraft_like_500hz.toml");
+use crate::common::prelude::*;
 
 /// Returns a configuration of drives that send no emergencies by their data sheet, with this RPDO timer and force.
 fn without_emergencies(name: &str, rpdo_timer_ms: u16, max_force_n: u16) -> Result<Config, String> {
@@ -26,11 +10,11 @@ fn without_emergencies(name: &str, rpdo_timer_ms: u16, max_force_n: u16) -> Resu
     let path = folder("stop_times", name).join("drive.eds");
     fs::write(&path, sheet).unwrap();
     let path = fs::canonicalize(path).unwrap();
-    let text = TEXT.replace("../eds/frhc_drive.eds", path.to_str().unwrap());
+    let text = KRAFT_500HZ_TEXT.replace("../eds/frhc_drive.eds", path.to_str().unwrap());
     let text = text.replace("rpdo_timer_ms = 8", &format!("rpdo_timer_ms = {rpdo_timer_ms}"));
     let text = text.replace("max_force_n = 40.0", &format!("max_force_n = {max_force_n}"));
     let text = without_passivity(&text);
-    let file = Path::new("config/kraft_like_500hz.toml");
+    let file = Path::new(KRAFT_500HZ);
     Config::parse(file, &text).map_err(|invalid| invalid.to_string())
 }
 
@@ -49,8 +33,7 @@ fn force_without_emergencies_is_refused_by_check_as_at_arming() {
     let config = without_emergencies("accepted", 0, 4).unwrap();
     let said = config.stopping().remove(5).to_string();
     assert_eq!(said, "heartbeat 22 ms (read from 6041h within 36 ms, as it has no 1014h)");
-    let mut bench =
-        Bench::new(&config, Scenario::parse("seconds = 5").unwrap(), 1, Wire::default());
+    let mut bench = Bench::new(&config, script("seconds = 5"), 1, Wire::default());
     bench.bring_up().unwrap();
     bench.ask(Request::Arm).unwrap();
 }
@@ -59,8 +42,7 @@ fn force_without_emergencies_is_refused_by_check_as_at_arming() {
 fn proof_test_without_emergencies_keeps_to_the_planned_time() {
     for (rpdo_timer_ms, heartbeat_is_slower) in [(0, false), (8, true)] {
         let config = without_emergencies(&format!("{rpdo_timer_ms}"), rpdo_timer_ms, 4).unwrap();
-        let mut bench =
-            Bench::new(&config, Scenario::parse("seconds = 5").unwrap(), 1, Wire::default());
+        let mut bench = Bench::new(&config, script("seconds = 5"), 1, Wire::default());
         bench.bring_up().unwrap();
         let report = bench.node().proof_test_report();
         for expiry in report.drives.iter().flat_map(|drive| drive.expiries()) {

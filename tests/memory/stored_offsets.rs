@@ -1,46 +1,16 @@
 //! Offsets and torque limits that a drive has held since before its boot: 60B0h to 60B2h, 60E0h, 60E1h.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use crate::common::bench::{Wire, config, until};
-use bus::Bus;
-use canopen::drive::State;
-use canopen::frame::{Channel, Frame};
-use canopen::object::Object;
+use crate::common::prelude::*;
 use canopen_device::station::Station;
-use config::Config;
-use config::shipped::HAND_CONTROLLERS;
-use node::cause::Cause;
-use node::record::Mode;
-use sim::quirks::Quirk;
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
-use units::numbering::Joint;
-use units::time::Instant;
-
-const ELBOW: Joint = Joint::of::<3>();
 
 /// Arms immediately; closes the deadman 0.4 s after the first SYNC, when the drives are enabled.
 const SCRIPT: &str = "seconds = 5\n\
     [[console]]\nat_s = 0.02\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.4\ndeadman = true\n";
 
-fn bench(config: &Config, script: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) {
-    let mut scenario = Scenario::parse(script).unwrap();
-    let quirks = quirks.iter().map(|quirk| quirk.parse::<Quirk>().unwrap());
-    scenario.quirks_mut().add(ELBOW, quirks);
-    let wire = Wire::default();
-    (Bench::new(config, scenario, 1, wire.clone()), wire)
-}
-
 /// Returns the reason why the boot of an arm with these quirks in its elbow fails; empty if it does not.
 fn refusal(file: &str, quirks: &[&str]) -> String {
-    let (mut bench, _) = bench(&config(file), SCRIPT, quirks);
+    let (mut bench, _) = bench_of(&config(file), SCRIPT, quirks);
     let booted = bench.bring_up();
     for drive in bench.world_mut().drives() {
         assert!(booted.is_ok() || drive.state() != State::OperationEnabled, "{file}: {quirks:?}");
@@ -64,8 +34,8 @@ fn promise_09_stored_torque_offset_pushes_nothing() {
         if config.joints[ELBOW.index()].eds.object(Object::TORQUE_OFFSET).is_none() {
             continue;
         }
-        let (mut bench, wire) = bench(&config, "seconds = 5\n", &["stored:60B2h=100"]);
-        let (mut without, _) = self::bench(&config, "seconds = 5\n", &[]);
+        let (mut bench, wire) = bench_of(&config, "seconds = 5\n", &["stored:60B2h=100"]);
+        let (mut without, _) = bench_of(&config, "seconds = 5\n", &[]);
         for bench in [&mut bench, &mut without] {
             bench.bring_up().unwrap_or_else(|error| panic!("{file}: {error}"));
         }
@@ -97,17 +67,17 @@ fn promise_09_offsets_are_cleared_where_the_eds_lacks_them() {
 
 #[test]
 fn drive_that_keeps_an_offset_is_refused() {
-    let text = refusal("config/kraft_like.toml", &["stored:60B2h=100", "forgetful:60B2h"]);
+    let text = refusal(KRAFT, &["stored:60B2h=100", "forgetful:60B2h"]);
     let reason = "joint 3 (elbow), node 3: 60B2h is 0064h, expected 0000h: an offset acts from enabling on; clear it \
         with the maker's tool";
     assert_eq!(text, reason);
-    assert_eq!(refusal("config/kraft_like.toml", &["forgetful:60B2h"]), "", "it is zero");
+    assert_eq!(refusal(KRAFT, &["forgetful:60B2h"]), "", "it is zero");
 }
 
 #[test]
 fn torque_limits_below_the_capacity_are_refused() {
     for (object, name) in [("60E0h", "positive torque limit"), ("60E1h", "negative torque limit")] {
-        let file = "config/kraft_like.toml";
+        let file = KRAFT;
         let text = refusal(file, &[&format!("stored:{object}=867")]);
         let reason = format!(
             "joint 3 (elbow), node 3: {name} ({object}) is 867 ‰, expected at least 868 ‰: raise it with the maker's \
@@ -116,7 +86,7 @@ fn torque_limits_below_the_capacity_are_refused() {
         assert_eq!(text, reason);
         assert_eq!(refusal(file, &[&format!("stored:{object}=868")]), "");
     }
-    let (mut bench, wire) = bench(&config("config/kraft_like.toml"), SCRIPT, &[]);
+    let (mut bench, wire) = bench_of(&config(KRAFT), SCRIPT, &[]);
     bench.bring_up().unwrap();
     let limits = [[0xE0, 0x60], [0xE1, 0x60]];
     let is_write = |frame: &Frame| {
@@ -130,7 +100,7 @@ fn torque_limits_below_the_capacity_are_refused() {
 
 #[test]
 fn offset_written_while_running_is_found_and_stops_the_node() {
-    let (mut bench, _) = bench(&config("config/kraft_like_500hz.toml"), SCRIPT, &[]);
+    let (mut bench, _) = bench_of(&config(KRAFT_500HZ), SCRIPT, &[]);
     bench.bring_up().unwrap();
     // Beyond what the torque watch allows it would be seen earlier.
     write_unseen(&mut bench, Object::TORQUE_OFFSET, 3);
@@ -148,7 +118,7 @@ fn mapped_torque_offset_receives_nothing_after_the_boot() {
         "stored:1601h=1",
         "stored:1601h:1=0x60B20010",
     ];
-    let (mut bench, _) = bench(&config("config/kraft_like_500hz.toml"), SCRIPT, &mapped);
+    let (mut bench, _) = bench_of(&config(KRAFT_500HZ), SCRIPT, &mapped);
     let stray = Frame::new(0x303, [100, 0]);
     let offset = |bench: &mut Bench<Wire>| {
         let now = bench.node().bus().now();
@@ -170,7 +140,7 @@ fn fixed_mapping_with_a_torque_offset_is_refused() {
     }
     quirks.push("stored:1A00h=3".to_owned());
     let quirks: Vec<&str> = quirks.iter().map(String::as_str).collect();
-    let text = refusal("config/kraft_like_500hz.toml", &quirks);
+    let text = refusal(KRAFT_500HZ, &quirks);
     assert!(
         text.contains("1600h is 03h, expected 02h: choose a layout that the device has"),
         "{text}"

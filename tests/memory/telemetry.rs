@@ -1,27 +1,19 @@
 //! Telemetry of simulated runs: its lines against the records and frames that they are made of, in each shipped configuration.
-#![cfg(test)]
 
 use std::cell::RefCell;
-use std::path::Path;
 use std::rc::Rc;
 
 use nalgebra::{Isometry3, SVector, Translation3, UnitQuaternion, Vector3};
-use serde_json::Value;
 
+use crate::common::prelude::*;
 use bus::Tap;
-use canopen::frame::{Channel, Frame, Telegram};
-use canopen::master::event::Event;
-use config::Config;
 use config::robots::RobotArm;
-use node::record::{Mode, Record};
-use sim::scenario::Scenario;
 use telemetry::feed::{Feed, FeedLine, Scarce, Source};
 use telemetry::origin::Origin;
 use telemetry::timing::Timing;
-use testbench::bench::{Bench, Course};
+use testbench::bench::Course;
 use testbench::robot_site::{Equipment, RobotSite};
 use testbench::side::Side;
-use units::time::Instant;
 
 const CONFIGS: [&str; 5] =
     ["jpl_like", "jpl_like_1538hz", "kraft_like", "kraft_like_500hz", "sixr_spherical"];
@@ -65,7 +57,7 @@ impl RunWithFeed {
         let mut feed = Feed::new(config, Source::Demo, None);
         feed.set_read(true);
         let watched = FeedTap(Rc::new(RefCell::new(feed)), Rc::default());
-        let scenario = Scenario::parse(scenario).unwrap();
+        let scenario = script(scenario);
         let course = Course { scenario, seed: 1, speed: None };
         let mut bench = Bench::recorded(config, side, course, watched.clone(), ());
         bench.bring_up().unwrap();
@@ -95,12 +87,8 @@ impl RunWithFeed {
     }
 }
 
-fn load(name: &str) -> Config {
-    Config::load(Path::new(&format!("config/{name}.toml"))).unwrap()
-}
-
 fn shipped(scenario: &str) -> String {
-    std::fs::read_to_string(format!("config/scenarios/{scenario}.toml")).unwrap()
+    fs::read_to_string(format!("config/scenarios/{scenario}.toml")).unwrap()
 }
 
 fn six(value: &Value) -> SVector<f64, 6> {
@@ -140,7 +128,7 @@ fn near(found: &Isometry3<f64>, expected: &Isometry3<f64>) -> bool {
 #[test]
 fn snapshots_come_by_cycle_and_have_its_record() {
     for name in CONFIGS {
-        let config = load(name);
+        let config = config(&format!("config/{name}.toml"));
         let mut shown =
             RunWithFeed::new(&config, Side::from_config(&config), &shipped("teleoperation"));
         let every = shown.description()["cycles_per_snapshot"].as_u64().unwrap();
@@ -183,7 +171,7 @@ fn snapshots_come_by_cycle_and_have_its_record() {
 
 #[test]
 fn felt_wrench_is_that_of_torques_beyond_the_arms_own() {
-    let config = load("kraft_like");
+    let config = config(KRAFT);
     let mut shown =
         RunWithFeed::new(&config, Side::from_config(&config), &shipped("teleoperation"));
     let mut pressed = 0;
@@ -208,8 +196,8 @@ fn felt_wrench_is_that_of_torques_beyond_the_arms_own() {
 
 #[test]
 fn robot_stands_where_its_joints_bring_its_tool() {
-    for file in ["config/robots/puma560.toml", "config/robots/eight_r_synthetic.toml"] {
-        let config = load("kraft_like").with_robot(RobotArm::load(Path::new(file)).unwrap());
+    for file in [PUMA, "config/robots/eight_r_synthetic.toml"] {
+        let config = config(KRAFT).with_robot(RobotArm::load(Path::new(file)).unwrap());
         let site = RobotSite::new(&config, &Equipment::from_remote(&config.remote), 1).unwrap();
         let sides = [Side::from(site), Side::from_config(&config)];
         for side in sides {
@@ -231,7 +219,7 @@ fn robot_stands_where_its_joints_bring_its_tool() {
 
 #[test]
 fn mode_line_comes_at_each_change_and_twice_a_second() {
-    let config = load("kraft_like");
+    let config = config(KRAFT);
     let mut shown =
         RunWithFeed::new(&config, Side::from_config(&config), &shipped("faults/unplug"));
     let mut changes = Vec::new();
@@ -265,7 +253,7 @@ fn mode_line_comes_at_each_change_and_twice_a_second() {
 #[test]
 fn loads_and_timing_are_those_of_the_run() {
     for name in CONFIGS {
-        let config = load(name);
+        let config = config(&format!("config/{name}.toml"));
         let mut shown = RunWithFeed::new(&config, Side::from_config(&config), "seconds = 3\n");
         let before = shown.bench.carried();
         let begun = shown.bench.now();
@@ -294,7 +282,7 @@ fn loads_and_timing_are_those_of_the_run() {
 
 #[test]
 fn numbers_that_are_not_finite_are_null() {
-    let config = load("kraft_like");
+    let config = config(KRAFT);
     let mut shown = RunWithFeed::new(&config, Side::from_config(&config), "seconds = 1\n");
     let mut record = shown.cycle();
     while record.cycle % 20 != 19 {
@@ -311,7 +299,7 @@ fn numbers_that_are_not_finite_are_null() {
 
 #[test]
 fn no_snapshot_is_made_without_readers() {
-    let config = load("kraft_like");
+    let config = config(KRAFT);
     let mut shown = RunWithFeed::new(&config, Side::from_config(&config), "seconds = 1\n");
     shown.watched.1.borrow_mut().clear();
     for _ in 0..1_000 {
@@ -325,7 +313,7 @@ fn no_snapshot_is_made_without_readers() {
 
 #[test]
 fn boot_has_no_cycles_and_yet_a_mode_line() {
-    let config = load("kraft_like");
+    let config = config(KRAFT);
     let mut feed =
         Feed::new(&config, Source::Run, Some(Origin::from_micros(1_795_331_563_123_456)));
     let description: Value = serde_json::from_str(feed.description()).unwrap();

@@ -1,28 +1,13 @@
 //! Teleoperation on the in-memory bus, as the operator experiences it.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::path::Path;
-
-use crate::common::bench::{booted, config, scenario, until, until_contact};
-use config::Config;
-use node::record::Mode;
+use crate::common::bench::{booted, until_contact};
+use crate::common::prelude::*;
 use telemetry::summary::Summary;
-use testbench::bench::Bench;
-use units::spatial::Motion;
-
-const ONE_KILOHERTZ: &str = "config/kraft_like.toml";
 
 #[test]
 fn minute_of_teleoperation_loses_no_sample() {
-    let config = config(ONE_KILOHERTZ);
-    let mut bench = Bench::new(&config, scenario("teleoperation"), 1, ());
-    bench.bring_up().unwrap();
+    let config = config(KRAFT);
+    let mut bench = started(&config, scenario("teleoperation"), ());
     let mut summary = Summary::default();
     let mut modes = Vec::new();
     for _ in 0..60_000 {
@@ -49,8 +34,8 @@ fn minute_of_teleoperation_loses_no_sample() {
 #[test]
 fn seed_alone_determines_the_frames() {
     let run = |seed| {
-        let config = config(ONE_KILOHERTZ);
-        let wire = crate::common::bench::Wire::default();
+        let config = config(KRAFT);
+        let wire = Wire::default();
         let mut bench = Bench::new(&config, scenario("contact_10s"), seed, wire.clone());
         bench.bring_up().unwrap();
         bench.run(4_000);
@@ -63,7 +48,7 @@ fn seed_alone_determines_the_frames() {
 
 #[test]
 fn wall_pushes_the_hand_against_its_motion() {
-    let (mut bench, _) = booted(ONE_KILOHERTZ, "contact_10s");
+    let (mut bench, _) = booted(KRAFT, "contact_10s");
     let record = until_contact(&mut bench);
     let f_0 = record.output.x_0_g.rotation * record.output.f_g_task.force;
     // The hand and the object move along +x; the reflected force is along -x.
@@ -72,7 +57,7 @@ fn wall_pushes_the_hand_against_its_motion() {
 
 #[test]
 fn deadman_release_stops_object_and_reflection_in_a_cycle() {
-    let (mut bench, _) = booted(ONE_KILOHERTZ, "contact_10s");
+    let (mut bench, _) = booted(KRAFT, "contact_10s");
     until_contact(&mut bench);
     let record = until(&mut bench, |record| record.mode == Mode::Armed);
     assert_eq!(record.output.command, Motion::Hold);
@@ -85,7 +70,7 @@ fn deadman_release_stops_object_and_reflection_in_a_cycle() {
 
 #[test]
 fn targets_are_zero_unless_armed() {
-    let (mut bench, _) = booted(ONE_KILOHERTZ, "contact_10s");
+    let (mut bench, _) = booted(KRAFT, "contact_10s");
     for _ in 0..12_000 {
         let record = bench.cycle();
         if !matches!(record.mode, Mode::Armed | Mode::Engaged) {
@@ -99,10 +84,9 @@ fn sync_counter_and_time_stamp_are_sent_if_configured() {
     let keys = "[node]\nsync_counter = 4\ntime_period_ms = 100\n";
     let text = include_str!("../../config/kraft_like.toml").replacen("[node]\n", keys, 1);
     let text = text.replace("load_limit_percent = 90", "load_limit_percent = 91");
-    let config = Config::parse(Path::new(ONE_KILOHERTZ), &text).unwrap();
-    let wire = crate::common::bench::Wire::default();
-    let mut bench = Bench::new(&config, scenario("contact_10s"), 1, wire.clone());
-    bench.bring_up().unwrap();
+    let config = parse(KRAFT, &text);
+    let wire = Wire::default();
+    let mut bench = started(&config, scenario("contact_10s"), wire.clone());
     let from = bench.cycle().at;
     bench.run(400);
     let counts: Vec<u8> = wire.since(from, 0x80).iter().map(|(_, sync)| sync.data()[0]).collect();

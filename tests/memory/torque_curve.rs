@@ -1,45 +1,30 @@
 //! Section 4.2 of the paper: with linear torque curves "the feeling at the FRHC was all wrong" for test forces along
 //! one axis; with 5th-order polynomials it was right. Gravity torques pass through the same curves, so their error is
 //! felt, too.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::print_stdout,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test; figures are to be seen"
-)]
 
 use std::fmt;
-use std::path::Path;
 
 use nalgebra::SVector;
 
-use crate::common::bench::scenario;
+use crate::common::prelude::*;
 use calibration::fit::{CurveFit, Direction, Sample};
-use config::{Config, JointParameters, files};
+use config::JointParameters;
 use controller::Output;
 use controller::calibration::TorqueCurve;
-use node::record::Mode;
 use sim::rig::{Reading, Rig};
-use testbench::bench::Bench;
-use testbench::world;
-use units::spatial::{Jacobian, Wrench};
-
-const CONFIG: &str = "config/kraft_like.toml";
+use units::spatial::Jacobian;
 
 /// Returns the configuration with other torque curves, base first.
 fn with_curves(curves: &[TorqueCurve]) -> Config {
-    let text = String::from_utf8(files::read(CONFIG.as_ref()).unwrap()).unwrap();
     let mut curves = curves.iter();
-    let replaced = text.lines().map(|line| {
+    let replaced = KRAFT_TEXT.lines().map(|line| {
         if line.starts_with("torque_curve =") {
             format!("torque_curve = {:?}\n", curves.next().unwrap().coefficients())
         } else {
             format!("{line}\n")
         }
     });
-    Config::parse(Path::new(CONFIG), &replaced.collect::<String>()).unwrap()
+    parse(KRAFT, &replaced.collect::<String>())
 }
 
 /// Returns the straight line through the end of each curve, as in a data sheet.
@@ -130,7 +115,7 @@ fn sample(reading: Reading) -> Sample {
 
 #[test]
 fn linear_torque_curves_distort_the_felt_force() {
-    let truth = Config::load(Path::new(CONFIG)).unwrap();
+    let truth = config(KRAFT);
     let polynomial = distortion(&truth, &truth);
     let linear = distortion(&truth, &with_curves(&linear(&truth)));
     println!("felt force, straight lines: {linear}");
@@ -143,7 +128,7 @@ fn linear_torque_curves_distort_the_felt_force() {
 
 #[test]
 fn fitted_curves_restore_the_felt_force() {
-    let config = Config::load(Path::new(CONFIG)).unwrap();
+    let config = config(KRAFT);
     let (fitted, true_curve): (Vec<_>, Vec<_>) =
         config.joints.iter().zip(40..).map(|(joint, seed)| calibrated(joint, seed)).unzip();
     let world = with_curves(&true_curve);
@@ -156,7 +141,7 @@ fn fitted_curves_restore_the_felt_force() {
 
 #[test]
 fn fit_error_is_below_its_stated_residual() {
-    let config = Config::load(Path::new(CONFIG)).unwrap();
+    let config = config(KRAFT);
     for (seed, joint) in (0..48).zip(config.joints.iter().cycle()) {
         let rig =
             Rig::new(world::actuator(&joint.plant.actuator), joint.plant.friction.coulomb, seed);

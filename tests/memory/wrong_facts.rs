@@ -1,31 +1,19 @@
 //! A wrong sign or scale of a joint whose drive verifies neither: found by the rest posture, before any torque.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::fs;
-use std::path::Path;
-
-use crate::common::bench::{Wire, until};
-use crate::common::cli::folder;
+use crate::common::prelude::*;
 use crate::common::rest::{KRAFT_LIKE, at_rest};
 use canopen::fact::Fact;
-use config::Config;
-use config::shipped::HAND_CONTROLLERS;
-use node::record::Mode;
-use node::{Request, RequestError, Unfit};
-use sim::scenario::Scenario;
-use testbench::bench::Bench;
+use node::{RequestError, Unfit};
 
 /// Shipped arms, with a rest posture for each: degrees, and metres of the slide.
 const ARMS: [(&str, [f64; 6]); 3] = [
-    ("config/kraft_like_500hz.toml", KRAFT_LIKE),
-    ("config/jpl_like.toml", [25.0, -25.0, 0.42, 30.0, -30.0, 30.0]),
+    (KRAFT_500HZ, KRAFT_LIKE),
+    (JPL, [25.0, -25.0, 0.42, 30.0, -30.0, 30.0]),
     ("config/sixr_spherical.toml", [25.0, -70.0, 120.0, 30.0, 40.0, -30.0]),
 ];
+
+/// Place of the configurations, whose paths are relative to it.
+const FILE: &str = "config/test.toml";
 
 /// Objects that verify sign and position scale.
 const VERIFYING: [&str; 4] = ["607E", "608F", "6091", "6092"];
@@ -78,14 +66,10 @@ fn counting(text: &str, joint: usize, halves: u32) -> String {
     })
 }
 
-fn parse(text: &str) -> Result<Config, String> {
-    Config::parse(Path::new("config/test.toml"), text).map_err(|invalid| invalid.to_string())
-}
-
 /// Returns a node of `node` with the arm of `world`, without requests.
 fn bench(world: &str, node: &str) -> Bench<Wire> {
-    let scenario = Scenario::parse("seconds = 9\n").unwrap();
-    Bench::in_world_of(&parse(world).unwrap(), &parse(node).unwrap(), scenario, 1, Wire::default())
+    let [world, node] = [world, node].map(|text| parse(FILE, text));
+    Bench::in_world_of(&world, &node, script("seconds = 9\n"), 1, Wire::default())
 }
 
 /// Returns the refusal of a request to arm; asserts that no motor exerted torque afterwards.
@@ -195,7 +179,7 @@ fn accepted_facts_need_a_rest_posture() {
     let (file, rest) = ARMS[0];
     let text = arm("needed", file, rest);
     let without = text.replace("rest_deg = -45\n", "").replace("rest_deg = 95\n", "");
-    let refused = parse(&without).unwrap_err();
+    let refused = refusal(FILE, &without);
     assert!(
         refused.contains(
             "joint[2].rest_deg: rest_deg must state the position at the first arming after a boot, which alone verifies sign \
@@ -204,22 +188,20 @@ fn accepted_facts_need_a_rest_posture() {
         "{refused}"
     );
     assert_eq!(refused.lines().count(), 1, "{refused}");
-    let near = parse(&text.replace("rest_deg = 95\n", "rest_deg = 19\n")).unwrap_err();
+    let near = refusal(FILE, &text.replace("rest_deg = 95\n", "rest_deg = 19\n"));
     assert!(near.contains("joint[2].rest_deg: must be at least 20.0°"), "{near}");
     assert!(near.contains("got 19.0°"), "{near}");
-    let beyond = parse(&text.replace("rest_deg = 95\n", "rest_deg = 141\n")).unwrap_err();
+    let beyond = refusal(FILE, &text.replace("rest_deg = 95\n", "rest_deg = 141\n"));
     assert!(
         beyond.contains("joint[2].rest_deg: the joint would rest out of its range"),
         "{beyond}"
     );
-    let sliding = parse(&text.replace("rest_deg = 95\n", "rest_m = 0.5\n")).unwrap_err();
+    let sliding = refusal(FILE, &text.replace("rest_deg = 95\n", "rest_m = 0.5\n"));
     assert!(sliding.contains("a revolute joint has `rest_deg`"), "{sliding}");
     // Drives that verify both need none.
     let verified = fs::read_to_string(file).unwrap();
-    assert!(
-        parse(&verified.replace("../eds", &fs::canonicalize("eds").unwrap().to_string_lossy()))
-            .is_ok()
-    );
+    let eds = fs::canonicalize("eds").unwrap();
+    parse(FILE, &verified.replace("../eds", &eds.to_string_lossy()));
 }
 
 #[test]
@@ -229,7 +211,7 @@ fn coupled_actuator_must_rest_off_its_zero() {
         [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]]\n[controller]\n";
     let text = arm("coupled", file, rest).replace("[controller]\n", coupling);
     // The elbow's actuator is at 95° - 2 times 50°.
-    let refused = parse(&text).unwrap_err();
+    let refused = refusal(FILE, &text);
     assert!(
         refused.contains("joint[2].rest_deg: must be at least 20.0° from the zero"),
         "{refused}"
@@ -241,7 +223,7 @@ fn coupled_actuator_must_rest_off_its_zero() {
 fn shipped_files_that_accept_facts_state_their_rest() {
     let mut accepting = Vec::new();
     for name in HAND_CONTROLLERS {
-        let config = Config::load(Path::new(name)).unwrap();
+        let config = config(name);
         for joint in &config.joints {
             let accepts = joint.accepted.iter().any(|fact| *fact != Fact::TorqueUnit);
             assert_eq!(accepts, joint.rest.is_some(), "{name}: {}", joint.name);

@@ -1,13 +1,8 @@
 //! Both ends of a link over loopback, their keys, and the network between them.
 
-use std::fs;
-use std::process::Command;
-
-use serde_json::Value;
-
 use crate::common::link_program;
-use crate::common::process::{Process, Scratch};
-use crate::common::rig::{KRAFT, PUMA, Rig, simulated};
+use crate::common::prelude::*;
+use crate::common::rig::{Rig, simulated};
 
 /// The two processes that carry a link.
 pub(crate) struct Ends {

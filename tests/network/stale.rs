@@ -1,21 +1,18 @@
 //! Network with more losses and delay than the link tolerates: reflection may end, but no old sample acts.
 
-use std::fs;
 use std::io::Read;
 use std::thread;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use contract::{Capability, FarEnd, Measurements, Pose};
 use nix::libc::MSG_DONTWAIT;
 use socket2::{Domain, SockAddr, Socket, Type};
 
 use crate::common::linked::linked;
-use crate::common::process::Process;
+use crate::common::prelude::*;
 use crate::common::rig::Rig;
 use crate::ends::{Ends, Netem};
 use bus::clock::monotonic;
-use config::Config;
-use units::time::Instant;
 
 /// Maximum age of a sample, in ms.
 const MAX_AGE: f64 = 100.0;

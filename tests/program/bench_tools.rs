@@ -1,31 +1,19 @@
 //! Bench tools with simulated devices, without SocketCAN: sessions and procedures of the commands.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
-
-use std::process::Command;
-use std::time::Duration;
 
 use cli::live_bus::Session;
 use cli::live_bus::objects::{self, ObjectError, Target};
 
-use crate::common::bench::Wire;
 use crate::common::devices::{Devices, session};
+use crate::common::prelude::*;
 use canopen::abort::AbortCode;
 use canopen::nmt::Order;
-use canopen::object::Object;
 use canopen::sdo::{SdoError, SdoOptions};
-use canopen::{NmtCommand, NmtState, NodeId, heartbeat};
+use canopen::{NmtCommand, NmtState, heartbeat};
 use canopen_tools::diagnostics::confirm::Confirmation;
 use canopen_tools::diagnostics::network_monitor::{NetworkEvent, NetworkMonitor};
 use canopen_tools::diagnostics::scan::{NodeReport, Scan};
 use canopen_tools::diagnostics::states::{Answer, States};
 use canopen_tools::value::gateway_type::GatewayType;
-use memory_bus::Memory;
-use units::time::Instant;
 
 type TestSession = Session<Memory<Devices, Wire>>;
 
@@ -211,7 +199,7 @@ fn watch_reports_changes_until_its_end() {
 
 #[test]
 fn invalid_arguments_end_with_2_before_a_bus_is_opened() {
-    let config = ["--config", "config/kraft_like_500hz.toml"];
+    let config = ["--config", KRAFT_500HZ];
     let cases: [(&[&str], &str); 19] = [
         (&["scan"], "no bus selected"),
         (&["scan", "-i", "can7", "--nodes", "0-3"], "node-id must be"),

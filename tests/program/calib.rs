@@ -1,19 +1,6 @@
 //! `frhc sim --calibrate`, `frhc calib fit` and `frhc calib check`, as a user runs them.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::fs;
-use std::path::Path;
-
-use crate::common::cli::{folder, frhc};
-use config::Config;
-
-const CONFIG: &str = "config/kraft_like.toml";
+use crate::common::prelude::*;
 
 /// Writes measurements in both directions of a joint with this torque curve; returns the path.
 fn readings(name: &str, curve: impl Fn(f64) -> f64) -> String {
@@ -35,15 +22,15 @@ fn unknown_curve_is_fitted_and_its_fragment_is_a_valid_config() {
     let (csv, out) = (folder.join("pitch.csv"), folder.join("out"));
     let (csv, out) = (csv.to_str().unwrap(), out.to_str().unwrap());
     let args =
-        ["sim", "--config", CONFIG, "--calibrate", "4", "--seed", "11", "--out", csv, "--reveal"];
+        ["sim", "--config", KRAFT, "--calibrate", "4", "--seed", "11", "--out", csv, "--reveal"];
     let measured = frhc(&args);
     assert_eq!((measured.code, measured.stdout.as_str()), (0, ""), "{}", measured.stderr);
     let secret: toml::Table = measured.stderr.parse().unwrap();
     let secret = secret["torque_curve"].as_array().unwrap();
 
-    let fit = frhc(&["calib", "fit", csv, "--config", CONFIG, "--out", out, "--json"]);
+    let fit = frhc(&["calib", "fit", csv, "--config", KRAFT, "--out", out, "--json"]);
     assert_eq!(fit.code, 0, "{}", fit.stderr);
-    let report: serde_json::Value = serde_json::from_str(&fit.stdout).unwrap();
+    let report: Value = serde_json::from_str(&fit.stdout).unwrap();
     let stated = report["joints"][0]["both"]["left_out_rms_per_mille"].as_f64().unwrap();
 
     let text = fs::read_to_string(Path::new(out).join("torque_curves.toml")).unwrap();
@@ -58,10 +45,10 @@ fn unknown_curve_is_fitted_and_its_fragment_is_a_valid_config() {
         let error = (at(curve, t) - at(secret, t)).abs();
         assert!(error < stated && error < 0.01 * at(secret, 1.2), "{error} ‰ at {t} N·m");
     }
-    let config = fs::read_to_string(CONFIG).unwrap();
+    let config = fs::read_to_string(KRAFT).unwrap();
     let old = config.lines().filter(|line| line.starts_with("torque_curve")).nth(3).unwrap();
     let new = text.lines().find(|line| line.starts_with("torque_curve")).unwrap();
-    let config = Config::parse(Path::new(CONFIG), &config.replacen(old, new, 1)).unwrap();
+    let config = parse(KRAFT, &config.replacen(old, new, 1));
     assert_eq!(config.joints[3].plant.actuator.torque_curve[0], curve[0].as_float().unwrap());
     assert!(fs::read_to_string(Path::new(out).join("pitch.svg")).unwrap().ends_with("</svg>\n"));
 }
@@ -69,7 +56,7 @@ fn unknown_curve_is_fitted_and_its_fragment_is_a_valid_config() {
 #[test]
 fn measurements_hide_the_curve_and_repeat_with_the_seed() {
     let measure =
-        |args: &[&str]| frhc(&[&["sim", "--config", CONFIG, "--calibrate"], args].concat());
+        |args: &[&str]| frhc(&[&["sim", "--config", KRAFT, "--calibrate"], args].concat());
     let measured = measure(&["elbow", "--seed", "5"]);
     assert_eq!((measured.code, measured.stderr.as_str()), (0, ""));
     assert!(measured.stdout.contains("# simulated drive of joint elbow, seed 5"));
@@ -101,7 +88,7 @@ fn curve_that_is_not_monotone_is_rejected_with_its_torque() {
 fn reversed_motor_is_rejected() {
     let csv = readings("turned", |t| -200.0 * t);
     assert_eq!(frhc(&["calib", "fit", &csv]).code, 0);
-    let fit = frhc(&["calib", "fit", &csv, "--config", CONFIG]);
+    let fit = frhc(&["calib", "fit", &csv, "--config", KRAFT]);
     assert_eq!(fit.code, 1);
     assert!(fit.stderr.contains("turns against the joint, but gear_ratio is 36"), "{}", fit.stderr);
 }
@@ -118,18 +105,18 @@ fn invalid_csv_is_refused_with_every_line_and_column() {
     assert_eq!(frhc(&["calib", "fit", "none.csv"]).code, 3);
     let good = readings("good", |t| 200.0 * t);
     assert_eq!(frhc(&["calib", "fit", &good, "--joint", "yaw"]).code, 2);
-    assert_eq!(frhc(&["calib", "fit", &good, "--joint", "knee", "--config", CONFIG]).code, 2);
-    assert_eq!(frhc(&["calib", "fit", &good, "--joint", "3", "--config", CONFIG]).code, 0);
+    assert_eq!(frhc(&["calib", "fit", &good, "--joint", "knee", "--config", KRAFT]).code, 2);
+    assert_eq!(frhc(&["calib", "fit", &good, "--joint", "3", "--config", KRAFT]).code, 0);
 }
 
 #[test]
 fn curves_of_a_configuration_are_checked() {
-    let check = frhc(&["calib", "check", "--config", CONFIG, "--json"]);
+    let check = frhc(&["calib", "check", "--config", KRAFT, "--json"]);
     assert_eq!(check.code, 0, "{}", check.stderr);
-    let report: serde_json::Value = serde_json::from_str(&check.stdout).unwrap();
+    let report: Value = serde_json::from_str(&check.stdout).unwrap();
     assert_eq!(report["joints"].as_array().unwrap().len(), 6);
     assert!(report["joints"][0]["least_slope_per_mille"].as_f64().unwrap() > 100.0);
-    let text = fs::read_to_string(CONFIG)
+    let text = fs::read_to_string(KRAFT)
         .unwrap()
         .replace("../eds/", concat!(env!("CARGO_MANIFEST_DIR"), "/eds/"));
     let path = folder("calib", "config").join("flat.toml");

@@ -1,19 +1,6 @@
 //! `frhc sim --calibrate-friction` and `frhc calib friction`, as a user runs them.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use crate::common::cli::{CommandOutput, folder, frhc};
-use config::Config;
-
-const KRAFT: &str = "config/kraft_like.toml";
-const JPL: &str = "config/jpl_like.toml";
+use crate::common::prelude::*;
 
 /// Simulates a sweep of a joint; returns its path, and its true Coulomb and viscous friction.
 fn sweep(test: &str, config: &str, joint: &str, seed: &str) -> (PathBuf, [f64; 2]) {
@@ -72,7 +59,7 @@ fn friction_of_any_joint_is_found_and_its_fragment_is_valid() {
         let out = path.parent().unwrap().join("out");
         let ended = fit(&path, config, &["--json", "--out", out.to_str().unwrap()]);
         assert_eq!(ended.code, 0, "{joint}: {}", ended.stderr);
-        let report: serde_json::Value = serde_json::from_str(&ended.stdout).unwrap();
+        let report: Value = serde_json::from_str(&ended.stdout).unwrap();
         let found = &report["joints"][0];
         for (key, truth) in ["coulomb", "viscous"].into_iter().zip(truth) {
             for direction in ["up", "down", "both"] {
@@ -96,7 +83,7 @@ fn friction_of_any_joint_is_found_and_its_fragment_is_valid() {
             new.unwrap_or(line).to_owned() + "\n"
         });
         let replaced = format!("{before}name = \"{name}\"{}", replaced.collect::<String>());
-        let entered = Config::parse(Path::new(config), &replaced).unwrap();
+        let entered = parse(config, &replaced);
         let coulomb = entered.joint(name).unwrap().plant.friction.coulomb;
         assert!((coulomb / truth[0] - 1.0).abs() < 0.06, "{coulomb} {truth:?}");
     }
@@ -135,7 +122,7 @@ fn readings_without_positions_need_a_constant_load() {
     };
     let (azimuth, [coulomb, _]) = without("no_posture_azimuth", "azimuth");
     assert_eq!(azimuth.code, 0, "{}", azimuth.stderr);
-    let report: serde_json::Value = serde_json::from_str(&azimuth.stdout).unwrap();
+    let report: Value = serde_json::from_str(&azimuth.stdout).unwrap();
     let found = report["joints"][0]["both"]["coulomb"]["value"].as_f64().unwrap();
     assert!((found / coulomb - 1.0).abs() < 0.06, "{found} {coulomb}");
     assert!(azimuth.stdout.contains("without q1 to q6 gravity is not subtracted"));
@@ -217,7 +204,7 @@ fn outlier_is_listed_by_line_and_left_out() {
     assert_eq!(ended.code, 0, "{}", ended.stderr);
     assert!(ended.stdout.contains("left out     1 of 144: sweep.csv:40 (+"), "{}", ended.stdout);
     let json = fit(&path, KRAFT, &["--json"]).stdout;
-    let report: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let report: Value = serde_json::from_str(&json).unwrap();
     let found = report["joints"][0]["both"]["coulomb"]["value"].as_f64().unwrap();
     assert!((found / truth[0] - 1.0).abs() < 0.05, "{found} {truth:?}");
 }

@@ -1,18 +1,8 @@
 //! `frhc calib fit` on good and bad measurements: a row for each, with its verdict, its words, and the error that is
 //! left in the curve. Without these checks all but the last group passed without a word.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::print_stdout,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test; figures are to be seen"
-)]
 
-use std::fs;
+use crate::common::prelude::*;
 
-use crate::common::cli::{folder, frhc};
-
-const CONFIG: &str = "config/kraft_like.toml";
 /// Azimuth and elbow of the configuration, and their ends in N·m.
 const AZIMUTH: Curve = Curve { c: [133.144, -0.393_453, 0.019_672_6], end: 6.0 };
 const ELBOW: Curve = Curve { c: [199.779, -1.328_32, 0.149_436], end: 4.0 };
@@ -176,10 +166,10 @@ fn hold(rows: &[Row]) {
         fs::write(&path, &row.csv).unwrap();
         let mut args = vec!["calib", "fit", path.to_str().unwrap(), "--json"];
         if row.has_config {
-            args.extend(["--config", CONFIG]);
+            args.extend(["--config", KRAFT]);
         }
         let fit = frhc(&args);
-        let report = serde_json::from_str(&fit.stdout).unwrap_or(serde_json::Value::Null);
+        let report = serde_json::from_str(&fit.stdout).unwrap_or(Value::Null);
         let error = left(&report["joints"][0], &row.truth);
         println!(
             "{:40} exit {} error {error:7.3} %  {}",
@@ -200,7 +190,7 @@ fn hold(rows: &[Row]) {
 }
 
 /// Returns the largest difference of obtained and commanded torque, in % of the range; NaN without a curve.
-fn left(joint: &serde_json::Value, truth: &Curve) -> f64 {
+fn left(joint: &Value, truth: &Curve) -> f64 {
     let Some(c) = joint["torque_curve"].as_array() else { return f64::NAN };
     let c: Vec<f64> = c.iter().map(|c| c.as_f64().unwrap()).collect();
     let end = joint["max_torque"].as_f64().unwrap();

@@ -1,23 +1,15 @@
 //! `frhc decode` and `frhc export dbc` as programs.
 //!
 //! `GOLDEN=write cargo test --test program decode::` rewrites the transcript; run it after the golden tests.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::collections::HashMap;
-use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
-use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Output};
 
 use serde_json::Value as Json;
 
-const CONFIG: &str = "config/kraft_like_500hz.toml";
+use crate::common::prelude::*;
+
 const LOG: &str = "tests/golden/boot.log";
 
 fn frhc(args: &[&str]) -> Command {
@@ -50,7 +42,7 @@ fn decoded(args: &[&str]) -> String {
 
 #[test]
 fn golden_boot_is_decoded() {
-    let output = decoded(&["decode", "--config", CONFIG, LOG]);
+    let output = decoded(&["decode", "--config", KRAFT_500HZ, LOG]);
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/decode_boot.txt");
     if std::env::var_os("GOLDEN").is_some_and(|word| word == "write") {
         fs::write(path, output).unwrap();
@@ -66,7 +58,7 @@ fn golden_boot_is_decoded() {
 #[test]
 fn every_line_of_the_log_is_kept() {
     let log = fs::read_to_string(LOG).unwrap();
-    for args in [&["decode", LOG][..], &["decode", "--config", CONFIG, LOG]] {
+    for args in [&["decode", LOG][..], &["decode", "--config", KRAFT_500HZ, LOG]] {
         let output = decoded(args);
         assert_eq!(output.lines().count(), log.lines().count());
         for (output, was) in output.lines().zip(log.lines()) {
@@ -77,7 +69,7 @@ fn every_line_of_the_log_is_kept() {
 
 #[test]
 fn line_from_a_pipe_is_decoded_at_once() {
-    let mut child = frhc(&["decode", "--config", CONFIG]).spawn().unwrap();
+    let mut child = frhc(&["decode", "--config", KRAFT_500HZ]).spawn().unwrap();
     let mut stdin = child.stdin.take().unwrap();
     let mut stdout = BufReader::new(child.stdout.take().unwrap());
     for (line, says) in
@@ -180,9 +172,9 @@ fn raw_data_length_codes_are_parsed() {
 fn log_and_screen_format_decode_alike() {
     let log = fs::read_to_string(LOG).unwrap();
     let screen: Vec<String> = log.lines().map(on_screen).collect();
-    let output = piped(&["decode", "--config", CONFIG], &(screen.join("\n") + "\n"));
+    let output = piped(&["decode", "--config", KRAFT_500HZ], &(screen.join("\n") + "\n"));
     let behind = |output: &str, line: &str| output[line.len()..].trim_start().to_owned();
-    let of_log = decoded(&["decode", "--config", CONFIG, LOG]);
+    let of_log = decoded(&["decode", "--config", KRAFT_500HZ, LOG]);
     let lines = text(&output.stdout).lines().zip(&screen).zip(of_log.lines().zip(log.lines()));
     for ((screen, line), (output, was)) in lines {
         assert_eq!(behind(screen, line), behind(output, was));
@@ -200,7 +192,7 @@ fn on_screen(line: &str) -> String {
 
 #[test]
 fn only_shows_the_lines_of_a_joint() {
-    let output = decoded(&["decode", "--config", CONFIG, "--only", "elbow", LOG]);
+    let output = decoded(&["decode", "--config", KRAFT_500HZ, "--only", "elbow", LOG]);
     assert!(output.lines().count() > 50);
     for line in output.lines() {
         assert!(
@@ -208,7 +200,7 @@ fn only_shows_the_lines_of_a_joint() {
             "{line}"
         );
     }
-    let wrong = frhc(&["decode", "--config", CONFIG, "--only", "knee", LOG]).output().unwrap();
+    let wrong = frhc(&["decode", "--config", KRAFT_500HZ, "--only", "knee", LOG]).output().unwrap();
     assert_eq!(wrong.status.code(), Some(2));
     assert!(
         text(&wrong.stderr)
@@ -268,9 +260,9 @@ fn signals(dbc: &str) -> HashMap<u32, HashMap<String, Signal>> {
 
 #[test]
 fn dbc_file_scales_like_the_decoder() {
-    let messages = signals(&decoded(&["export", "dbc", "--config", CONFIG]));
+    let messages = signals(&decoded(&["export", "dbc", "--config", KRAFT_500HZ]));
     let output = [LOG, "tests/golden/fault_reset.log"]
-        .map(|log| decoded(&["decode", "--config", CONFIG, "--json", log]))
+        .map(|log| decoded(&["decode", "--config", KRAFT_500HZ, "--json", log]))
         .concat();
     let mut compared = 0;
     for line in output.lines() {
@@ -293,7 +285,7 @@ fn dbc_file_scales_like_the_decoder() {
 
 #[test]
 fn export_is_limited_to_one_bus() {
-    let config = "config/jpl_like.toml";
+    let config = JPL;
     let all = signals(&decoded(&["export", "dbc", "--config", config]));
     let wrist = signals(&decoded(&["export", "dbc", "--config", config, "--bus", "wrist"]));
     assert!(all.contains_key(&0x181) && all.contains_key(&0x184));

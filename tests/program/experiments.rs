@@ -1,11 +1,6 @@
 //! Every experiment in its short form: its gates hold, and its files are those of the report.
-#![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
 
-use std::fs;
-use std::process::Command;
-
-use crate::common::cli::{folder, frhc};
-use crate::common::process::Scratch;
+use crate::common::prelude::*;
 
 /// Plays an experiment; its files are complete, and a second run replaces none of them.
 fn passes(experiment: &str, files: &[&str]) {

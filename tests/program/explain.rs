@@ -1,15 +1,11 @@
 //! `frhc explain`, run as a user runs it, against independently computed cycles.
-#![cfg(test)]
 
 use std::io::Write;
-use std::path::Path;
-use std::process::{Command, Output, Stdio};
-
-use serde_json::Value;
+use std::process::Output;
 
 use crate::common::oracle::{self, TOLERANCE, list};
+use crate::common::prelude::*;
 use node::cause::CauseKind;
-use node::record::Mode;
 use node::safety::table;
 
 /// Names of the values: the oracle's and ours.
@@ -145,7 +141,7 @@ fn other_torque_limits_keep_the_joint_coupling() {
         .replace("../eds", &format!("{root}/eds"))
         .replacen("[switches]", coupling, 1);
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("coupled.toml");
-    std::fs::write(&file, text).unwrap();
+    fs::write(&file, text).unwrap();
     let question = serde_json::json!({ "q": [0.0, -0.8, 1.6, -0.7, 0.0, 0.0], "max_torque": [10, 10, 10, 10, 10, 10] });
     let answer = answer(&["--json", "--config", file.to_str().unwrap(), "-"], &question);
     let (tau, targets) = (flat(&answer["tau"]["value"]), flat(&answer["targets"]["value"]));
@@ -245,8 +241,6 @@ fn fault_table_has_every_cause_as_text_and_json() {
     let both = explain(&["--q", "0,-0.8,1.6,-0.7,0,0", "faults"], "");
     assert_eq!(both.status.code(), Some(2), "a question or the table");
 }
-
-const PUMA: &str = "config/robots/puma560.toml";
 
 #[test]
 fn robot_matches_the_reference() {

@@ -1,16 +1,8 @@
 //! `frhc export mcap` as a user runs it: complete sessions, and incomplete or changed ones. Other people's
 //! programs read the files in `tests/interop/exports.py`.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 use std::thread;
 
 use mcap::MessageStream;
@@ -18,7 +10,7 @@ use mcap::read::Summary;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use crate::common::cli::{CommandOutput, folder, frhc};
+use crate::common::prelude::*;
 use crate::common::program;
 use crate::common::sessions::change_copy;
 
@@ -149,7 +141,7 @@ fn joints_of_any_name_are_in_the_file() {
     let folder = folder("exports", "names");
     let eds = fs::canonicalize("eds").unwrap();
     let name = r#"<script>"Ellenbogen" é & 'x'"#;
-    let config = fs::read_to_string("config/kraft_like.toml").unwrap();
+    let config = fs::read_to_string(KRAFT).unwrap();
     let config = config.replace("../eds", eds.to_str().unwrap());
     let config = config.replace(r#"name = "elbow""#, &format!("name = {name:?}"));
     let path = folder.join("named.toml");

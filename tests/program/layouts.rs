@@ -1,14 +1,7 @@
 //! Layouts that drives cannot have, and those that are offered in their place.
-#![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
 
-use std::fs;
-use std::path::Path;
+use crate::common::prelude::*;
 
-use crate::common::cli::folder;
-use config::Config;
-
-const KRAFT: &str = include_str!("../../config/kraft_like.toml");
-const SLOW: &str = include_str!("../../config/kraft_like_500hz.toml");
 const DRIVE: &str = include_str!("../../eds/frhc_drive.eds");
 
 /// Change of the EDS: old text and new text.
@@ -53,7 +46,7 @@ const ALL: &[usize] = &[0, 1, 2, 3, 4, 5];
 
 #[test]
 fn drives_without_dummies_are_offered_one_rpdo_each() {
-    let found = problems("dummies", KRAFT, &[(ALL, &[NO_DUMMY])]);
+    let found = problems("dummies", KRAFT_TEXT, &[(ALL, &[NO_DUMMY])]);
     assert_eq!(found.len(), 1, "{found:#?}");
     assert_eq!(
         found.first().unwrap(),
@@ -64,7 +57,7 @@ fn drives_without_dummies_are_offered_one_rpdo_each() {
 
 #[test]
 fn drives_without_rpdo_timer_allow_less_force() {
-    let found = problems("timer", KRAFT, &[(ALL, &[NO_DUMMY, NO_TIMER])]);
+    let found = problems("timer", KRAFT_TEXT, &[(ALL, &[NO_DUMMY, NO_TIMER])]);
     let (layouts, others): (Vec<_>, Vec<_>) =
         found.iter().partition(|problem| problem.contains("cannot have layout"));
     assert!(
@@ -82,7 +75,7 @@ fn drives_without_rpdo_timer_allow_less_force() {
 
 #[test]
 fn only_the_drive_that_lacks_parts_is_named() {
-    let found = problems("one", KRAFT, &[(&[4], &[NO_THIRD_TPDO, NO_SECOND_RPDO])]);
+    let found = problems("one", KRAFT_TEXT, &[(&[4], &[NO_THIRD_TPDO, NO_SECOND_RPDO])]);
     let [only] = &found[..] else { panic!("{found:#?}") };
     assert!(only.starts_with("joint[4].eds: joint 5 "), "{only}");
     assert!(only.contains("lacks TPDO3 (1802h), RPDO2 (1401h); layouts that fit: \"per-drive\""));
@@ -90,7 +83,9 @@ fn only_the_drive_that_lacks_parts_is_named() {
 
 #[test]
 fn fixed_mapping_fits_no_layout_and_says_what_it_needs() {
-    for (name, text, other) in [("fixed", KRAFT, "per-drive"), ("fixed_slow", SLOW, "grouped")] {
+    for (name, text, other) in
+        [("fixed", KRAFT_TEXT, "per-drive"), ("fixed_slow", KRAFT_500HZ_TEXT, "grouped")]
+    {
         let found = problems(name, text, &[(&[2], &[FIXED])]);
         let [only] = &found[..] else { panic!("{found:#?}") };
         let needs =
@@ -101,7 +96,7 @@ fn fixed_mapping_fits_no_layout_and_says_what_it_needs() {
 
 #[test]
 fn layout_that_another_drive_cannot_have_is_not_offered() {
-    let found = problems("two", KRAFT, &[(&[1], &[NO_DUMMY]), (&[3], &[FIXED])]);
+    let found = problems("two", KRAFT_TEXT, &[(&[1], &[NO_DUMMY]), (&[3], &[FIXED])]);
     assert_eq!(found.len(), 2, "{found:#?}");
     let second = found.first().unwrap();
     assert!(second.ends_with("no layout fits: joint 4 cannot have \"per-drive\""), "{second}");

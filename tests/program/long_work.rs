@@ -1,22 +1,15 @@
 //! Long work: its bar is on a terminal alone, and SIGINT ends it with exit code 130, one line, and no half-written file.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::Read;
-use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 use std::thread;
 
 use nix::pty::{Winsize, openpty};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use crate::common::cli::{folder, frhc};
+use crate::common::prelude::*;
 
 /// Commands that show a bar, with a part of its line; `SESSION` and `OUT` are replaced.
 const LONG: &[(&str, &str)] = &[

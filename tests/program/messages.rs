@@ -1,14 +1,9 @@
 //! Messages for wrong files and arguments: one line with file, line, key and remedy, before anything is computed.
-#![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
 
-use crate::common::cli::frhc;
-use crate::common::process::Scratch;
+use crate::common::prelude::*;
 
 /// Folder of the repository.
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
-
-const KRAFT: &str = "config/kraft_like.toml";
-const PUMA: &str = "config/robots/puma560.toml";
 
 /// Asserts the exit code, the first line of stderr, and that nothing was printed.
 #[track_caller]
@@ -59,7 +54,7 @@ fn file_of_another_kind_is_named_in_one_line() {
 #[test]
 fn hostile_values_are_escaped_and_cut() {
     let scratch = Scratch::new("hostile");
-    let kraft = std::fs::read_to_string(format!("{ROOT}/{KRAFT}")).unwrap();
+    let kraft = fs::read_to_string(format!("{ROOT}/{KRAFT}")).unwrap();
     let with_eds = |eds: &str| {
         let (before, after) = kraft.split_once("eds = \"").unwrap();
         let rest = after.split_once('"').unwrap().1;
@@ -92,7 +87,7 @@ fn numbers_of_options_are_refused_in_plain_words() {
 #[test]
 fn robot_that_cannot_hold_itself_is_refused() {
     let scratch = Scratch::new("weak");
-    let puma = std::fs::read_to_string(format!("{ROOT}/{PUMA}")).unwrap();
+    let puma = fs::read_to_string(format!("{ROOT}/{PUMA}")).unwrap();
     let weak = puma.lines().map(|line| match line.starts_with("max_torque_nm = ") {
         true => "max_torque_nm = 10.0",
         false => line,

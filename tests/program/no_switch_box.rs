@@ -1,10 +1,6 @@
 //! Commands with a configuration without `[switches]`: all work but those that arm.
-#![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
 
-use std::fs;
-use std::path::PathBuf;
-
-use crate::common::cli::{CommandOutput, folder, frhc};
+use crate::common::prelude::*;
 
 const REASON: &str = "nothing can be armed: there is no deadman; add [switches], a CiA 401 switch box with a deadman of \
                       two contacts";
@@ -12,7 +8,7 @@ const REASON: &str = "nothing can be armed: there is no deadman; add [switches],
 /// Writes the shipped configuration without its section `[switches]` to a new folder.
 fn installation(name: &str) -> (PathBuf, String) {
     let folder = folder("no-switch-box", name);
-    let text = fs::read_to_string("config/kraft_like.toml").unwrap();
+    let text = fs::read_to_string(KRAFT).unwrap();
     let (before, after) = text.split_once("\n[switches]\n").unwrap();
     let (_, after) = after.split_once("\n[controller]\n").unwrap();
     let eds = fs::canonicalize("eds/frhc_drive.eds").unwrap();
@@ -34,9 +30,9 @@ fn check_warns_of_a_missing_switch_box() {
     let checked = ends(&["check", "--config", &file], 0);
     assert!(checked.stdout.contains(REASON), "{}", checked.stdout);
     let json = ends(&["check", "--config", &file, "--json"], 0);
-    let json: serde_json::Value = serde_json::from_str(&json.stdout).unwrap();
+    let json: Value = serde_json::from_str(&json.stdout).unwrap();
     assert_eq!(json["switches"], false);
-    let shipped = ends(&["check", "--config", "config/kraft_like.toml"], 0);
+    let shipped = ends(&["check", "--config", KRAFT], 0);
     assert!(!shipped.stdout.contains("switches"), "{}", shipped.stdout);
 }
 
@@ -78,7 +74,7 @@ fn demo_that_arms_nothing_runs_without_a_switch_box() {
     fs::write(&scenario, "seconds = 0.2\n").unwrap();
     let scenario = scenario.display().to_string();
     let played = ends(&["demo", "--config", &file, "--scenario", &scenario, "--json"], 0);
-    let summary: serde_json::Value = serde_json::from_str(&played.stdout).unwrap();
+    let summary: Value = serde_json::from_str(&played.stdout).unwrap();
     assert!(summary["stopped_by"].is_null(), "{summary}");
 }
 

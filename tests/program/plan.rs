@@ -1,30 +1,20 @@
 //! The bus planner against the simulated bus, and `frhc plan` as a user runs it.
-#![cfg(test)]
 
-use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::Command;
-
-use serde_json::Value;
-
+use crate::common::bench::booted;
+use crate::common::prelude::*;
 use canopen::bits;
-use canopen::frame::{Channel, Telegram};
 use canopen::load::network::Assumptions;
 use canopen::load::streams::Role;
 use canopen_tools::bus_figures::{self, BusPlan, PlannedFrame, values};
-use node::record::Mode;
-use units::time::Instant;
-
-const SLOW: &str = "config/kraft_like_500hz.toml";
 
 /// Asserts that the simulated buses of a moved arm carry the planned load, with no frame later than planned.
-fn assert_carried_as_planned(config: &str) {
-    let (mut bench, wire) = crate::common::bench::booted(config, "teleoperation");
-    crate::common::bench::until(&mut bench, |record| record.mode == Mode::Armed);
+fn assert_carried_as_planned(file: &str) {
+    let (mut bench, wire) = booted(file, "teleoperation");
+    until(&mut bench, |record| record.mode == Mode::Armed);
     wire.clear();
     let cycles: u32 = 1_700;
     bench.run(cycles.into());
-    let configuration = crate::common::bench::config(config);
+    let configuration = config(file);
     let values = values::typical_values(&configuration);
     let plan = bus_figures::plans(&configuration.network(), &values, &Assumptions::default());
     let carried = wire.all();
@@ -33,7 +23,7 @@ fn assert_carried_as_planned(config: &str) {
         let bits: u32 = here.map(|(_, telegram)| bits::exact(&telegram.frame)).sum();
         let exact = f64::from(bits) / f64::from(cycles);
         let error = 100.0 * (bus.utilisation.typical.used / exact - 1.0);
-        assert!(error.abs() < 1.0, "{config}, {}: {error:.2} % off {exact:.1} bits", bus.name);
+        assert!(error.abs() < 1.0, "{file}, {}: {error:.2} % off {exact:.1} bits", bus.name);
     }
     no_frame_is_late(&plan, &carried);
 }
@@ -90,17 +80,17 @@ fn no_frame_is_late(plan: &[BusPlan], carried: &[(Instant, Telegram)]) {
 
 #[test]
 fn one_bus_at_500_hz_is_carried_as_planned() {
-    assert_carried_as_planned(SLOW);
+    assert_carried_as_planned(KRAFT_500HZ);
 }
 
 #[test]
 fn kraft_like_is_carried_as_planned() {
-    assert_carried_as_planned("config/kraft_like.toml");
+    assert_carried_as_planned(KRAFT);
 }
 
 #[test]
 fn jpl_like_is_carried_as_planned() {
-    assert_carried_as_planned("config/jpl_like.toml");
+    assert_carried_as_planned(JPL);
 }
 
 #[test]
@@ -124,15 +114,15 @@ fn is_sent_by_master(cob_id: u16) -> bool {
 #[test]
 fn transmit_queue_holds_the_largest_burst_of_any_cycle() {
     for (file, allowed) in [
-        ("config/kraft_like.toml", &[16][..]),
-        (SLOW, &[16]),
-        ("config/jpl_like.toml", &[8, 10]),
+        (KRAFT, &[16][..]),
+        (KRAFT_500HZ, &[16]),
+        (JPL, &[8, 10]),
         ("config/sixr_spherical.toml", &[8, 10]),
     ] {
-        let (mut bench, wire) = crate::common::bench::booted(file, "teleoperation");
+        let (mut bench, wire) = booted(file, "teleoperation");
         wire.clear();
         bench.run(1_500);
-        let config = crate::common::bench::config(file);
+        let config = config(file);
         assert_eq!(config.bursts(), allowed, "{file}");
         for (channel, max) in (0..).map(Channel).zip(config.bursts()) {
             let carried = wire.all();
@@ -172,7 +162,7 @@ fn frhc(task: &str, config: &Path, args: &[&str]) -> PlanOutput {
 }
 
 fn plan(args: &[&str]) -> PlanOutput {
-    frhc("plan", Path::new(SLOW), args)
+    frhc("plan", Path::new(KRAFT_500HZ), args)
 }
 
 /// Writes the 500 Hz configuration with changes to it and to its drive's EDS; returns its path.
@@ -190,7 +180,7 @@ fn changed(name: &str, lines: &[(&str, &str)], eds: &[(&str, &str)]) -> PathBuf 
         let text = if file == "frhc_drive.eds" { replace(text, eds) } else { text };
         fs::write(folder.join("eds").join(file), text).unwrap();
     }
-    let text = fs::read_to_string(SLOW).unwrap().replace("../eds/", "eds/");
+    let text = fs::read_to_string(KRAFT_500HZ).unwrap().replace("../eds/", "eds/");
     let file = folder.join("arm.toml");
     fs::write(&file, replace(text, lines)).unwrap();
     file

@@ -1,18 +1,8 @@
 //! The examples in README and docs/ print the output shown there.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::path::{Path, PathBuf};
-use std::process::Command;
-use std::{fs, thread};
+use std::thread;
 
-use crate::common::cli::{folder, frhc};
-
-const KRAFT: &str = "config/kraft_like.toml";
+use crate::common::prelude::*;
 
 /// A block of a page that shows what commands print.
 struct Example {

@@ -1,21 +1,10 @@
 //! `frhc replay` as a program: sessions of every configuration and scenario, and sessions that were changed.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::fs;
 use std::os::unix::fs::symlink;
-use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-
-use crate::common::cli::{CommandOutput, folder, frhc};
+use crate::common::prelude::*;
 use crate::common::sessions::change_copy;
 use canopen_tools::candump::Line;
-use config::shipped::HAND_CONTROLLERS;
 
 /// Size of the header of a part of the inputs, in bytes.
 const HEADER: usize = 20;
@@ -70,7 +59,7 @@ fn session_with_a_gripper_is_replayed_with_its_signals() {
     let folder = folder("replay", "gripper-files");
     fs::create_dir_all(&folder).unwrap();
     let root = std::env::current_dir().unwrap();
-    let text = fs::read_to_string("config/kraft_like_500hz.toml").unwrap();
+    let text = fs::read_to_string(KRAFT_500HZ).unwrap();
     let text = text.replace("\"../eds/", &format!("\"{}/eds/", root.display()));
     let input = "[switches.gripper]\ninput = 1\nopen_counts = 10000\nclosed_counts = 0\nstroke_m = 0.08\n\
         force_n = 15.0\nmax_speed_m_per_s = 0.05\n\n[controller]";
@@ -159,11 +148,11 @@ fn session_of_every_scenario_is_replayed_bit_for_bit() {
 
 #[test]
 fn session_with_a_robot_is_replayed_with_its_file() {
-    let robot = ["--robot", "config/robots/puma560.toml", "--seconds", "5"];
+    let robot = ["--robot", PUMA, "--seconds", "5"];
     let session = session("robot", &robot);
     replayed(&session);
     let description = fs::read_to_string(session.join("session.json")).unwrap();
-    assert!(description.contains("config/robots/puma560.toml"), "{description}");
+    assert!(description.contains(PUMA), "{description}");
 }
 
 #[test]
@@ -260,7 +249,7 @@ fn other_torque_is_named_by_cycle_and_frame() {
 #[test]
 fn torques_of_another_configuration_are_compared_in_open_loop() {
     let session = short_session("with");
-    let text = fs::read_to_string("config/kraft_like.toml").unwrap();
+    let text = fs::read_to_string(KRAFT).unwrap();
     let other = session.join("other.toml");
     let other_gain = text.replace("wrench_gain = [0.3, 0.3, 0.3", "wrench_gain = [0.4, 0.4, 0.4");
     fs::write(
@@ -277,7 +266,7 @@ fn torques_of_another_configuration_are_compared_in_open_loop() {
     assert!(result["cycle_count"].as_u64().unwrap() > 5_000, "{result}");
     let max = |joint: usize| result["torque_difference"][joint]["max"].as_f64().unwrap();
     assert!((0..6).any(|joint| max(joint) > 0.01), "{result}");
-    let same = ["--with", "config/kraft_like.toml", "--json"];
+    let same = ["--with", KRAFT, "--json"];
     let result: Value = serde_json::from_str(&replay(&session, &same).stdout).unwrap();
     let joints = result["torque_difference"].as_array().unwrap();
     assert!(joints.iter().all(|joint| joint["max"].as_f64() == Some(0.0)), "{result}");

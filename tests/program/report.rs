@@ -1,18 +1,8 @@
 //! `frhc report` as a program: contents of the page, missing parts, and refusals.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
-use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-
-use crate::common::cli::{CommandOutput, folder, frhc};
+use crate::common::prelude::*;
 
 /// Records a session of `demo` with these arguments.
 fn session(name: &str, args: &[&str]) -> PathBuf {
@@ -155,7 +145,7 @@ fn figures_are_those_of_the_summary() {
 #[test]
 fn joint_named_as_an_element_is_escaped_everywhere() {
     let folder = folder("report", "escaped");
-    let config = fs::read_to_string("config/kraft_like.toml").unwrap();
+    let config = fs::read_to_string(KRAFT).unwrap();
     let eds = concat!("\"", env!("CARGO_MANIFEST_DIR"), "/eds/");
     let config =
         config.replace("\"elbow\"", "\"<script>alert(1)</script>&\"").replace("\"../eds/", eds);
@@ -197,7 +187,7 @@ fn fault_record_is_reported_with_and_without_its_session() {
         section(&bare, "modes").contains("zero-torque")
             && section(&bare, "wrenches").contains("force sensed")
     );
-    let with = page(&alone, &["--config", "config/kraft_like.toml"]);
+    let with = page(&alone, &["--config", KRAFT]);
     assert!(section(&with, "positions").contains("elbow in rad"));
     fs::remove_file(alone.join("bus.log")).unwrap();
     let without_log = page(&alone, &[]);

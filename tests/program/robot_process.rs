@@ -1,29 +1,15 @@
 //! `frhc robot` as a process: a node of this test leads it over a socket.
-#![allow(
-    clippy::float_cmp,
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{File, OpenOptions};
 use std::io::{BufRead, ErrorKind, Read};
-use std::process::{Command, Stdio};
-use std::time::Duration;
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use socket2::{Domain, SockAddr, Socket, Type};
 
-use crate::common::process::{Process, Scratch};
+use crate::common::prelude::*;
 use bus::clock;
 use contract::{Feedback, Motion, NodeEnd, Order, Reason};
-use units::time::Instant;
-
-const KRAFT: &str = "config/kraft_like.toml";
-const PUMA: &str = "config/robots/puma560.toml";
-const MS: Duration = Duration::from_millis(1);
 
 /// Maximum time of a wait in a test, on a busy machine.
 const LIMIT: Duration = Duration::from_secs(60);
@@ -262,7 +248,7 @@ fn robot_process_prints_its_status_on_request() {
     robot.signal(Signal::SIGUSR1);
     let mut line = String::new();
     stdout.read_line(&mut line).unwrap();
-    let status: serde_json::Value = serde_json::from_str(&line).unwrap();
+    let status: Value = serde_json::from_str(&line).unwrap();
     assert_eq!(status["state"], "holding", "{line}");
     assert_eq!(status["connected"], true, "{line}");
     assert_eq!(status["leader"]["session"], "0000000000005eed", "{line}");

@@ -1,18 +1,12 @@
 //! `frhc robot` with files, keys, paths and options that it refuses: one line, and the exit code of docs/commands.md. The
 //! figures that a node's file demands of a robot.
-#![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
 
-use std::fs;
 use std::os::unix::net::UnixListener;
 
-use serde_json::{Value, json};
+use serde_json::json;
 
-use crate::common::cli::frhc;
 use crate::common::linked::{LINK, linked, with_model};
-use crate::common::process::Scratch;
-
-const KRAFT: &str = "config/kraft_like.toml";
-const PUMA: &str = "config/robots/puma560.toml";
+use crate::common::prelude::*;
 
 /// Folder of the repository.
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");

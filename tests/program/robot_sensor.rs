@@ -1,20 +1,13 @@
 //! `frhc robot` with a network sensor: a socket of this test sends its records.
-#![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
 
 use std::io::BufRead;
 use std::net::{SocketAddr, UdpSocket};
-use std::time::Duration;
 
 use nix::sys::signal::Signal;
-use serde_json::Value;
 
-use crate::common::cli::frhc;
-use crate::common::process::Scratch;
+use crate::common::prelude::*;
 use bus::clock;
 use net_ft::rdt::{Record, Request};
-
-const KRAFT: &str = "config/kraft_like.toml";
-const PUMA: &str = "config/robots/puma560.toml";
 
 /// Maximum time of a wait in a test, on a busy machine.
 const LIMIT: Duration = Duration::from_secs(60);

@@ -1,17 +1,9 @@
 //! Robots and settings that are refused at the terminal: exit code 3, with file, key, value and remedy, and no results.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use crate::common::prelude::*;
+use crate::common::refusals::with_value;
 
-use crate::common::cli::{folder, frhc};
-
-const PUMA: &str = include_str!("../../config/robots/puma560.toml");
-const KRAFT: &str = include_str!("../../config/kraft_like.toml");
+const PUMA_TEXT: &str = include_str!("../../config/robots/puma560.toml");
 const DUAL_PEG: &str = include_str!("../../config/experiments/dual_peg.toml");
 
 /// A robot file that is invalid, and the words of its refusal.
@@ -21,29 +13,24 @@ struct Wrong {
     words: [&'static str; 2],
 }
 
-fn changed(text: &str, old: &str, new: &str) -> String {
-    assert!(text.contains(old), "{old}");
-    text.replacen(old, new, 1)
-}
-
 /// Returns robots with five or ten joints, and one that starts beyond a limit.
 fn wrong_robots() -> [Wrong; 3] {
-    let joint = &PUMA[PUMA.rfind("[[joint]]").unwrap()..];
+    let joint = &PUMA_TEXT[PUMA_TEXT.rfind("[[joint]]").unwrap()..];
     let count = "joint: an arm must have 6 to 9 joints, got";
     [
         Wrong {
             name: "five.toml",
-            text: changed(PUMA, joint, ""),
+            text: changed(PUMA_TEXT, &[(joint, "")]),
             words: [count, "5: add or remove [[joint]]"],
         },
         Wrong {
             name: "ten.toml",
-            text: format!("{PUMA}\n{}", joint.repeat(4)),
+            text: format!("{PUMA_TEXT}\n{}", joint.repeat(4)),
             words: [count, "10: add or remove [[joint]]"],
         },
         Wrong {
             name: "beyond.toml",
-            text: changed(PUMA, "start_deg = 45.0", "start_deg = 230.0"),
+            text: with_value(PUMA_TEXT, "joint[1].start_deg", "230.0").0,
             words: ["joint[1].start_deg: must be within limit_deg", "-45 to 225, got 230"],
         },
     ]
@@ -53,7 +40,7 @@ fn wrong_robots() -> [Wrong; 3] {
 fn in_the_wall() -> Wrong {
     Wrong {
         name: "in_the_wall.toml",
-        text: changed(PUMA, "base_m = [-0.31630315,", "base_m = [-0.18,"),
+        text: changed(PUMA_TEXT, &[("base_m = [-0.31630315,", "base_m = [-0.18,")]),
         words: ["would start in a surface, at (0.536, ", "change start_deg or base_m"],
     }
 }
@@ -112,8 +99,9 @@ fn configurations_with_invalid_robots_are_refused() {
     }
     fs::create_dir_all(folder.join("config")).unwrap();
     let config = |robot: &str| {
-        let held = changed(KRAFT, "start_m = [0.4, 0.0, 0.3]", &format!("robot = \"{robot}\""));
-        changed(&held, "start_deg = [90.0, 0.0, 90.0]", "")
+        let robot = format!("robot = \"{robot}\"");
+        let held = [("start_m = [0.4, 0.0, 0.3]", &*robot), ("start_deg = [90.0, 0.0, 90.0]", "")];
+        changed(KRAFT_TEXT, &held)
     };
     let check = |text: &str, words: &[&str]| {
         let file = written(&folder, "config/hand.toml", text);
@@ -126,11 +114,10 @@ fn configurations_with_invalid_robots_are_refused() {
     let wrong = in_the_wall();
     written(&folder, "config/in_the_wall.toml", &wrong.text);
     check(&config(wrong.name), &["remote.robot: the object", wrong.words[0], wrong.words[1]]);
-    written(&folder, "config/puma560.toml", PUMA);
+    written(&folder, "config/puma560.toml", PUMA_TEXT);
     let fast = changed(
         &config("puma560.toml"),
-        "accommodation_m_per_ns = 0.01 ",
-        "accommodation_m_per_ns = 1.5 ",
+        &[("accommodation_m_per_ns = 0.01 ", "accommodation_m_per_ns = 1.5 ")],
     );
     check(
         &fast,
@@ -166,7 +153,7 @@ fn invalid_pegs_are_refused_and_leave_no_results() {
             ],
         ),
     ] {
-        let text = changed(DUAL_PEG, old, new);
+        let text = changed(DUAL_PEG, &[(old, new)]);
         let text = text.replace("\"../", &format!("\"{}/config/", here.display()));
         let file = written(&folder, name, &text);
         let out = results.to_str().unwrap();

@@ -1,18 +1,8 @@
 //! Sessions in parts, as a program: replayed, packed, listed, decoded, and damaged.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
-use std::path::{Path, PathBuf};
-use std::process::Command;
 
-use serde_json::Value;
-
-use crate::common::cli::{CommandOutput, folder, frhc};
+use crate::common::prelude::*;
 
 const PARTS: u32 = 6;
 
@@ -66,7 +56,7 @@ fn session_in_parts_is_replayed_bit_for_bit_plain_and_packed() {
     is_whole(&session);
     let decoded = on(&session, &["decode"], &[]);
     assert!(decoded.stdout.contains("elbow"), "the configuration is that of the session");
-    let of_first = on(&session.join("bus.log"), &["decode", "-c", "config/kraft_like.toml"], &[]);
+    let of_first = on(&session.join("bus.log"), &["decode", "-c", KRAFT], &[]);
     assert!(decoded.stdout.starts_with(&of_first.stdout));
 
     let ended = pack(&session);
@@ -77,7 +67,7 @@ fn session_in_parts_is_replayed_bit_for_bit_plain_and_packed() {
     is_whole(&session);
     assert!(on(&session, &["decode"], &[]).stdout == decoded.stdout, "other lines when packed");
     let packed = session.join("bus.log.gz");
-    let packed = on(&packed, &["decode", "-c", "config/kraft_like.toml"], &[]);
+    let packed = on(&packed, &["decode", "-c", KRAFT], &[]);
     assert!(packed.stdout == of_first.stdout);
     assert!(pack(&session).stdout.contains("nothing to pack"));
     for entry in fs::read_dir(&session).unwrap().flatten() {
@@ -272,8 +262,7 @@ fn fault_record_names_its_session_without_its_folders() {
 #[test]
 fn campaign_logs_are_readable_by_their_owner_only() {
     let out = folder("sessions", "campaign").join("case");
-    let args =
-        ["campaign", "-c", "config/kraft_like.toml", "--seed", "1", "--replay", "1", "--out"];
+    let args = ["campaign", "-c", KRAFT, "--seed", "1", "--replay", "1", "--out"];
     assert!([0, 1].contains(&on(&out, &args, &[]).code));
     let mut folders = vec![out];
     let mut files = 0;

@@ -1,23 +1,15 @@
 //! `frhc demo` with its telemetry and its page: readers change no byte of a session; a socket or address that cannot be used is named.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
-use std::fs;
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::os::unix::net::UnixStream;
-use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 use std::thread;
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use crate::common::cli::{folder, frhc};
+use crate::common::prelude::*;
 
 /// Number of readers of a demo's telemetry, and of those that read nothing.
 const READERS: usize = 20;

@@ -1,18 +1,9 @@
 //! `frhc signals` and `frhc export csv` as a user runs them: complete sessions, incomplete and changed ones.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::collections::HashMap;
-use std::fs;
 use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-
-use crate::common::cli::{CommandOutput, folder, frhc};
+use crate::common::prelude::*;
 use crate::common::sessions::change_copy;
 use canopen_tools::candump::{Content, Line};
 

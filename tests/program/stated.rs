@@ -1,8 +1,6 @@
 //! Facts of drives, verified or stated only: what `check` and `plan` print, and how they refuse.
-#![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
 
-use crate::common::cli::{folder, frhc};
-use std::fs;
+use crate::common::prelude::*;
 
 const FILE: &str = "config/drives/maxon_epos4.toml";
 
@@ -19,8 +17,8 @@ fn check_and_plan_print_the_facts_of_each_joint() {
             assert!(ended.stdout.lines().any(|it| it == line), "{command}: {}", ended.stdout);
         }
     }
-    let ended = frhc(&["check", "--config", "config/kraft_like.toml", "--json"]);
-    let report: serde_json::Value = serde_json::from_str(&ended.stdout).unwrap();
+    let ended = frhc(&["check", "--config", KRAFT, "--json"]);
+    let report: Value = serde_json::from_str(&ended.stdout).unwrap();
     let facts = &report["facts"][2];
     assert_eq!(facts["joint"], "elbow");
     assert_eq!(facts["stated_only"], serde_json::json!([]));

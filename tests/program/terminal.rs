@@ -1,21 +1,11 @@
 //! The command line: help, output and exit codes.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixListener;
-use std::path::Path;
-use std::process::{Command, Stdio};
 use std::thread;
 
-use crate::common::cli::{CommandOutput, folder, frhc};
-
-const KRAFT: &str = "config/kraft_like.toml";
+use crate::common::prelude::*;
 
 /// Commands that print data without a CAN interface. `SOCKET`, `FEED`, `FOLDER`, `DATA` and `SWEEP` are replaced.
 const PRINTING: &[&str] = &[
@@ -281,13 +271,13 @@ fn shipped_scenarios_are_found_outside_the_repository() {
 #[test]
 fn large_numbers_are_short_in_messages() {
     let folder = folder("terminal", "large");
-    let text = std::fs::read_to_string(KRAFT).unwrap();
+    let text = fs::read_to_string(KRAFT).unwrap();
     let root = env!("CARGO_MANIFEST_DIR");
     let check = |from: &str, to: &str| {
         assert!(text.contains(from), "{from}");
         let file = folder.join("large.toml");
         let changed = text.replacen(from, to, 1).replace("../eds", &format!("{root}/eds"));
-        std::fs::write(&file, changed).unwrap();
+        fs::write(&file, changed).unwrap();
         is_refused(&["check", "--config", file.to_str().unwrap()], 3, &["1e300"])
     };
     for (from, to) in [

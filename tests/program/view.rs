@@ -1,18 +1,14 @@
 //! `frhc view` as a process: its address, its ends, a port that is taken.
-#![allow(
-    clippy::unwrap_used,
-    clippy::zombie_processes,
-    reason = "what a test cannot do without has failed the test"
-)]
+#![allow(clippy::zombie_processes, reason = "the process is killed, and ends with the test")]
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use crate::common::cli::{folder, frhc};
+use crate::common::prelude::*;
 
 /// A page, killed at the end of a test.
 struct Page {

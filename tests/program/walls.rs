@@ -1,9 +1,6 @@
 //! Walls that the hand cannot meet as one should are named by `check` and `demo`, which go on.
-#![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
 
-use std::fs;
-
-use crate::common::cli::{folder, frhc};
+use crate::common::prelude::*;
 
 const STRETCHED: &str = include_str!("../../config/scenarios/stretched.toml");
 

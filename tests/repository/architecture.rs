@@ -1,10 +1,5 @@
 //! ARCHITECTURE.md against the sources: the table of rooms matches the manifests, files have no circular imports, rooms
 //! without side effects name no I/O, clock or log, and object indices are only in `canopen`.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -1,9 +1,4 @@
 //! The book: its table of contents, its links, the dates of its decisions.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

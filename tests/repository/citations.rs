@@ -1,9 +1,4 @@
 //! Citations of the paper (`decision 12`, `Eq. 5`, `Fig. 3`) against docs/paper.md, and that page against the sources.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::collections::BTreeSet;
 use std::fs;

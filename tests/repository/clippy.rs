@@ -1,9 +1,4 @@
 //! clippy.toml of the rack against that of the root, which is the bench's, too.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::fs;
 use std::path::Path;

@@ -2,12 +2,6 @@
 //!
 //! The name of a test begins with the claims it covers: `hazard_12_…`, `promise_08_…`,
 //! `hazard_40_and_property_05_…`. `GOLDEN=write cargo test --test repository` rewrites the page's lists.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::collections::BTreeMap;
 use std::fs;

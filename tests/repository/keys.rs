@@ -1,9 +1,4 @@
 //! docs/configuration.md against the keys that a configuration file may have.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

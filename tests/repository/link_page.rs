@@ -1,11 +1,5 @@
 //! docs/link.md against the contract: its tables have the offsets of the interface files, and its test vectors are the
 //! messages of the Rust code.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::fs;
 

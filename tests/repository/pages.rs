@@ -1,9 +1,4 @@
 //! Minimal Markdown parser for the checks of this folder: pages, headings with their anchors, links.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::collections::BTreeMap;
 use std::fs;

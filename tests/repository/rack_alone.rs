@@ -1,9 +1,4 @@
 //! The rack without its bench: a copy of the repository without `src/bench/` compiles.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::fs;
 use std::path::{Path, PathBuf};

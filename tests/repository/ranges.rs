@@ -1,9 +1,4 @@
 //! Ranges of docs/configuration.md against the configuration: it refuses a number beyond either end, with the key.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::fs;
 use std::path::Path;

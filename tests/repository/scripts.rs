@@ -1,9 +1,4 @@
 //! Scripts that install tools, with fake apt-get, cargo and sudo on PATH.
-#![allow(
-    clippy::panic,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;

@@ -1,7 +1,5 @@
 //! docs/sessions.md: its table of tags is that of the program.
 
-#![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
-
 use std::fs;
 
 use inputs::intermediates::COUNT;

@@ -1,9 +1,4 @@
 //! The functions that docs/loop.md names for the steps of a cycle, against the sources.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
-)]
 
 use std::fs;
 use std::path::Path;

@@ -4,8 +4,8 @@
 use nix::sys::signal::Signal;
 
 use crate::common::linked::{LINK, linked, unyielding};
-use crate::common::process::Process;
-use crate::common::rig::{KRAFT, PUMA, Rig, simulated};
+use crate::common::prelude::*;
+use crate::common::rig::{Rig, simulated};
 
 #[test]
 fn contact_is_felt_through_three_processes() {
@@ -42,7 +42,7 @@ fn opens_sockets_of_can_netlink_and_unix_alone(run: &Process) {
     assert!(inodes.len() >= 4, "{inodes:?}");
     for table in ["tcp", "tcp6", "udp", "udp6", "raw", "raw6", "packet"] {
         let path = format!("/proc/net/{table}");
-        let text = std::fs::read_to_string(&path).unwrap_or_default();
+        let text = fs::read_to_string(&path).unwrap_or_default();
         let is_open = |inode: &String| {
             text.lines().any(|line| line.split_whitespace().any(|word| word == inode))
         };

@@ -1,22 +1,18 @@
 //! Three processes, with this test as the far side: it floods the socket of the link, and sets the wall clock.
 
-use std::fs;
 use std::io::Read;
 use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
 
 use contract::{Capability, FarEnd, Measurements, Pose};
 use nix::libc::MSG_DONTWAIT;
 use socket2::{Domain, SockAddr, Socket, Type};
 
 use crate::common::linked::{LINK, linked};
-use crate::common::process::Process;
-use crate::common::rig::{KRAFT, PUMA, Rig, simulated};
+use crate::common::prelude::*;
+use crate::common::rig::{Rig, simulated};
 use bus::clock::monotonic;
-use config::Config;
 use remote::stated::StatedCapability;
-use units::time::Instant;
 
 /// Messages in a period of 1 ms: 50,000 in a second.
 const FLOOD: usize = 50;

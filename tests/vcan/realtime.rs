@@ -2,20 +2,16 @@
 
 use std::io::Read;
 
-use serde_json::Value;
-
-use crate::common::process::{Candump, Scratch};
+use crate::common::prelude::*;
 use crate::common::rig::seconds;
 use canopen_tools::candump::Line;
-
-const CONFIG: &str = "config/kraft_like.toml";
 
 #[test]
 fn timing_of_the_cycles_is_in_status_summary_and_at_the_end() {
     let scratch = Scratch::new("timing");
     let mut candump = Candump::start("vcan0");
-    let sim = scratch.frhc(&["sim", "--config", CONFIG]);
-    let run = scratch.frhc(&["run", "--config", CONFIG, "--record", &scratch.path("session")]);
+    let sim = scratch.frhc(&["sim", "--config", KRAFT]);
+    let run = scratch.frhc(&["run", "--config", KRAFT, "--record", &scratch.path("session")]);
     let is_sync = |line: &Line<'_>| line.canopen().is_some_and(|(id, _)| id == 0x80);
     let first = candump.until(is_sync).nanos;
     candump.until(|line| line.nanos > first + seconds(2.0));
@@ -41,9 +37,8 @@ fn timing_of_the_cycles_is_in_status_summary_and_at_the_end() {
     {
         assert!(outcome.stderr.contains(name), "{}", outcome.stderr);
     }
-    let folder =
-        std::fs::read_dir(scratch.path("session")).unwrap().next().unwrap().unwrap().path();
-    let summary = std::fs::read_to_string(folder.join("summary.json")).unwrap();
+    let folder = fs::read_dir(scratch.path("session")).unwrap().next().unwrap().unwrap().path();
+    let summary = fs::read_to_string(folder.join("summary.json")).unwrap();
     let summary: Value = serde_json::from_str(&summary).unwrap();
     assert!(summary["timing"]["step_us"]["count"].as_u64().unwrap() > 1_000, "{summary:#}");
 }
@@ -52,8 +47,8 @@ fn timing_of_the_cycles_is_in_status_summary_and_at_the_end() {
 fn threads_of_the_node_have_no_page_fault_in_contact() {
     let scratch = Scratch::new("page-faults");
     let mut candump = Candump::start("vcan0");
-    let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
-    let run = scratch.frhc(&["run", "--config", CONFIG]);
+    let sim = scratch.frhc(&["sim", "--config", KRAFT, "--scenario", "contact_10s"]);
+    let run = scratch.frhc(&["run", "--config", KRAFT]);
     scratch.ctl("--wait arm").succeeds();
     let armed = candump.mark().nanos;
     // The object is pressed against the wall from 3.5 s on.
@@ -74,14 +69,14 @@ fn threads_of_the_node_have_no_page_fault_in_contact() {
 fn refused_setting_is_said_and_ends_the_run_only_where_required() {
     let scratch = Scratch::new("realtime");
     // No processor of this kernel is isolated.
-    let words = ["run", "--config", CONFIG, "--cpu", "0", "--cpu-latency", "0"];
+    let words = ["run", "--config", KRAFT, "--cpu", "0", "--cpu-latency", "0"];
     let required = scratch.frhc(&[&words[..], &["--require-realtime"]].concat()).wait();
     assert_eq!(required.code, Some(4), "{}", required.stderr);
     let reason = "CPU 0 alone refused: shared, as it is not in isolcpus";
     assert!(required.stderr.contains("real-time settings refused"), "{}", required.stderr);
     assert!(required.stderr.contains(reason), "{}", required.stderr);
     let mut candump = Candump::start("vcan0");
-    let sim = scratch.frhc(&["sim", "--config", CONFIG]);
+    let sim = scratch.frhc(&["sim", "--config", KRAFT]);
     let run = scratch.frhc(&words);
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80));
     let outcome = run.terminate();

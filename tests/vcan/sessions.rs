@@ -1,16 +1,12 @@
 //! Sessions of `frhc run`, replayed, and candump beside the run as the judge of what the node has sent.
 
-use std::fs;
 use std::io::Read;
-use std::path::{Path, PathBuf};
 
-use serde_json::{Value, json};
+use serde_json::json;
 
-use crate::common::process::{Candump, Process, Scratch};
+use crate::common::prelude::*;
 use crate::common::rig::seconds;
 use canopen_tools::candump::Line;
-
-const CONFIG: &str = "config/kraft_like.toml";
 
 /// Identifiers that only the master sends: NMT, SYNC, torques, controlwords, SDO requests, heartbeat.
 fn is_masters(id: u32) -> bool {
@@ -38,9 +34,9 @@ fn session_in(folder: &str) -> PathBuf {
 fn replay_sends_what_candump_saw_beside_the_run() {
     let scratch = Scratch::new("replay");
     let mut candump = Candump::start("vcan0");
-    let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
+    let sim = scratch.frhc(&["sim", "--config", KRAFT, "--scenario", "contact_10s"]);
     let recording = scratch.path("sessions");
-    let run = scratch.frhc(&["run", "--config", CONFIG, "--record", &recording, "--anonymise"]);
+    let run = scratch.frhc(&["run", "--config", KRAFT, "--record", &recording, "--anonymise"]);
     scratch.ctl("--wait arm").succeeds();
     let armed = candump.mark().nanos;
     // Contact, adjustments, another mode, and requests that are refused: out of bounds, or because the deadman is closed.
@@ -87,9 +83,9 @@ fn replay_sends_what_candump_saw_beside_the_run() {
 fn killed_run_leaves_a_session_that_is_replayed_until_there() {
     let scratch = Scratch::new("replay-killed");
     let mut candump = Candump::start("vcan0");
-    let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
+    let sim = scratch.frhc(&["sim", "--config", KRAFT, "--scenario", "contact_10s"]);
     let recording = scratch.path("sessions");
-    let run = scratch.frhc(&["run", "--config", CONFIG, "--record", &recording]);
+    let run = scratch.frhc(&["run", "--config", KRAFT, "--record", &recording]);
     scratch.ctl("--wait arm").succeeds();
     let armed = candump.mark().nanos;
     candump.until(|line| line.nanos > armed + seconds(2.0));
@@ -115,9 +111,9 @@ fn recorded(
     end: impl FnOnce(&Scratch, &Path, Process) -> String,
 ) -> (String, String) {
     let mut candump = Candump::start("vcan0");
-    let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
+    let sim = scratch.frhc(&["sim", "--config", KRAFT, "--scenario", "contact_10s"]);
     let recording = scratch.path("sessions");
-    let run = ["run", "--config", CONFIG, "--record", &recording];
+    let run = ["run", "--config", KRAFT, "--record", &recording];
     let run = scratch.frhc(&[&run[..], options].concat());
     scratch.ctl("--wait arm").succeeds();
     let armed = candump.mark().nanos;

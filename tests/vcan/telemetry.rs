@@ -1,16 +1,14 @@
 //! Readers of the telemetry of `frhc run`: data and permissions, and no effect on the bus.
 
-use std::fs;
 use std::io::{BufRead, BufReader};
 use std::os::unix::fs::{PermissionsExt, chown};
 use std::os::unix::net::UnixStream;
 use std::thread;
 
 use nix::sys::signal::Signal;
-use serde_json::Value;
 
-use crate::common::process::{Candump, Process, Scratch};
-use crate::common::rig::{KRAFT, seconds};
+use crate::common::prelude::*;
+use crate::common::rig::seconds;
 use canopen_tools::candump::Line;
 
 /// A group and a user without any rights.

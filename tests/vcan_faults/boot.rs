@@ -1,9 +1,10 @@
 //! Signals, requests and bus faults during a boot that withholds SYNC or heartbeat. Hazards 23 and 30.
 
+use crate::common::log::NODES;
 use crate::common::process::Process;
 use crate::gateway::{Gateway, NODE};
 use crate::host::KEEPS;
-use crate::rig::{NODES, Rig, Setup, millis};
+use crate::rig::{Rig, Setup, millis};
 use canopen_tools::candump::Line;
 
 /// Returns a boot in which the drives have just lost SYNC (`sync`) or the heartbeat of their master.

@@ -1,15 +1,11 @@
 //! Drives that fail and report it: hazards 7 to 9.
 
-use std::time::Duration;
-
-use crate::common::process::Process;
+use crate::common::prelude::*;
 use crate::gateway::{DRIVES, Gateway, NODE};
-use crate::inject::ELBOW;
 use crate::rig::{Rig, Setup, cycles, millis};
 use crate::script;
 use faults::{DeviceFault, Fault, FaultKind, Target};
 use sim::scenario::Entry;
-use units::numbering::Joint;
 
 /// Emergencies of a drive that is still enabled, so that only the node can take its torque off: over-current, low
 /// supply voltage, encoder, manufacturer's own.

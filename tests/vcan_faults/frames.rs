@@ -1,15 +1,13 @@
 //! Frames that are lost, late, changed or imitated: hazards 1 to 6, 12 and 13.
 
-use std::time::Duration;
-
+use crate::common::prelude::*;
 use crate::gateway::{Gateway, NODE};
-use crate::inject::{ELBOW, ELEVATION, POSITION, WIRE_CUT, every};
+use crate::inject::{ELEVATION, POSITION, WIRE_CUT, every};
 use crate::reaction::Reaction;
 use crate::rig::{Onset, Rig, Setup, cycles, millis};
 use crate::script;
 use crate::shaper::Shaper;
 use faults::{Effect, FaultKind, Service, Target};
-use units::numbering::Joint;
 
 /// COB-ID of the elbow's position.
 const ELBOW_POSITION: u16 = 0x183;

@@ -1,10 +1,11 @@
 //! The node's process: stopped, ended, started again. Hazards 17, 25, 28 and 30. A busy processor (29) cannot be
 //! tested in virtual time, where computing takes none.
 
+use crate::common::log::NODES;
 use crate::common::process::Process;
 use crate::gateway::{Gateway, NODE};
 use crate::inject::STOPPED;
-use crate::rig::{NODES, Rig, Setup, cycles, millis};
+use crate::rig::{Rig, Setup, cycles, millis};
 use faults::Target;
 
 /// Drives that keep their torque for 200 ms without their master, and a force that may be kept so long.

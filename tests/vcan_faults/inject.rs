@@ -3,21 +3,16 @@
 
 use nix::sys::signal::Signal;
 
-use crate::common::process::Process;
+use crate::common::prelude::*;
 use crate::gateway::{DRIVES, Gateway, NODE, Way};
 use crate::rig::Rig;
+use canopen::NmtCommand;
 use canopen::emcy::Emergency;
-use canopen::frame::{Channel, Frame};
 use canopen::nmt::{self, Order};
-use canopen::{NmtCommand, NodeId};
 use faults::{
     DeviceFault, Disconnection, Effect, Extent, FaultKind, FrameFault, HostFault, Selection,
     Service, Target,
 };
-use units::numbering::Joint;
-
-/// The elbow: it carries weight, and its limits are far.
-pub(crate) const ELBOW: Joint = Joint::of::<3>();
 
 /// The elevation, next to the elbow.
 pub(crate) const ELEVATION: Joint = Joint::of::<2>();

@@ -13,6 +13,8 @@
 //! each drive was torque-free. Every test has its own node and its own drives.
 //! Needs vcan0 and vcan1, made with `echo=1`; `scripts/test.sh` runs it under `scripts/with_vcan.sh -v`.
 #![allow(
+    clippy::expect_used,
+    clippy::float_cmp,
     clippy::indexing_slicing,
     clippy::panic,
     clippy::print_stdout,

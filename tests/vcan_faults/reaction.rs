@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use crate::common::log::{Entry, Log};
-use crate::rig::{NODES, Onset, cycles};
+use crate::common::log::{Entry, Log, NODES};
+use crate::rig::{Onset, cycles};
 use crate::torque::{self, CYCLE, Torque};
 
 /// Largest target of any drive, in per mille of its rated torque: the end of every torque curve.

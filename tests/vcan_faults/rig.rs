@@ -2,23 +2,18 @@
 
 use std::cell::Cell;
 use std::os::unix::net::UnixStream;
-use std::time::Duration;
 
 use nix::sys::signal::Signal;
 
 use crate::common::log::Log;
-use crate::common::process::{Candump, Outcome, Process, Scratch};
+use crate::common::prelude::*;
+use crate::common::process::Outcome;
 use crate::gateway::{DRIVES, Gateway, NODE};
 use crate::reaction::Reaction;
 use crate::script;
 use crate::torque::CYCLE;
 use canopen_tools::candump::Line;
 use sim::scenario::Entry;
-
-const CONFIG: &str = "config/kraft_like.toml";
-
-/// Node-IDs of the drives.
-pub(crate) const NODES: std::ops::RangeInclusive<u16> = 1..=6;
 
 /// Time in which torque has ramped up, with the ramps of [`RAMPS`].
 const RAMP_TIME: Duration = Duration::from_millis(80);
@@ -30,7 +25,7 @@ const RAMPS: [(&str, &str); 3] = [
     ("ramp_s = 0.3  ", "ramp_s = 0.05 "),
 ];
 
-/// Differences from [`CONFIG`].
+/// Differences from [`KRAFT`].
 #[derive(Clone, Debug)]
 pub(crate) struct Setup {
     /// The node's interface.
@@ -73,7 +68,7 @@ impl Rig {
     pub(crate) fn started(name: &str, setup: &Setup) -> Self {
         let scratch = Scratch::new(name);
         let changes: Vec<_> = RAMPS.into_iter().chain(setup.changes.iter().copied()).collect();
-        let config = scratch.variant(CONFIG, &changes);
+        let config = scratch.variant(KRAFT, &changes);
         let scenario = script::scenario(setup.entries.clone());
         let script = scratch.write("script.toml", &scenario);
         let candump = Candump::start(DRIVES);
@@ -235,7 +230,7 @@ impl Rig {
     }
 
     /// Returns the output of `frhc ctl status --json`.
-    pub(crate) fn status(&self) -> serde_json::Value {
+    pub(crate) fn status(&self) -> Value {
         let (ctl, mut stdout) = self.scratch.frhc_and_stdout(&["ctl", "status", "--json"]);
         let mut text = String::new();
         std::io::Read::read_to_string(&mut stdout, &mut text).unwrap();

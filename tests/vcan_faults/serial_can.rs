@@ -3,19 +3,17 @@
 //!
 //! It stalls, reports states of its controller, and can be unplugged.
 
-use std::fs;
 use std::io::{Read, Write};
 use std::os::fd::AsFd;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
 
 use nix::fcntl::OFlag;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
 use socketcan::{CanFrame, CanSocket, EmbeddedFrame, Id, Socket, StandardId};
 
-use crate::common::process::Process;
+use crate::common::prelude::*;
 use crate::gateway::DRIVES;
 use crate::interface::ip;
 use faults::Disturbance;

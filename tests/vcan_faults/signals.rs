@@ -2,8 +2,9 @@
 
 use nix::sys::signal::Signal;
 
+use crate::common::log::NODES;
 use crate::gateway::{Gateway, NODE};
-use crate::rig::{NODES, Rig, Setup, cycles, millis};
+use crate::rig::{Rig, Setup, cycles, millis};
 
 /// Signals that stop the node in order.
 const STOPS: [Signal; 5] =

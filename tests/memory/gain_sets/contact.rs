@@ -4,14 +4,11 @@ use std::fmt;
 
 use nalgebra::{Unit, Vector3};
 
-use config::Config;
+use crate::common::prelude::*;
 use experiments::comparison::without_passivity;
-use node::cause::{Cause, CauseKind};
-use node::record::Mode;
+use node::cause::CauseKind;
 use remote::site::Virtual;
-use sim::scenario::Scenario;
 use telemetry::contact::Contact;
-use testbench::bench::Bench;
 
 /// Time of the contact that is judged, in s, and its last part, in which a swing would be large.
 const SECONDS: f64 = 20.0;

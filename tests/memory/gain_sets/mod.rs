@@ -1,12 +1,6 @@
 //! Gains that `check` accepts or refuses, against 20 s of simulated contact at the posture it finds the worst.
 //!
 //! All 300 sets, with a table: `cargo test --profile quick --test memory -- --ignored --nocapture gain_sets`.
-#![allow(
-    clippy::indexing_slicing,
-    clippy::print_stdout,
-    clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test; figures are to be seen"
-)]
 
 mod contact;
 mod set;

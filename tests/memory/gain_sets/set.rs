@@ -1,9 +1,8 @@
 //! Random gain sets as configuration files.
 
 use std::fmt;
-use std::path::Path;
 
-use config::Config;
+use crate::common::prelude::*;
 use sim::random::SplitMix;
 
 /// Shipped files whose gains are replaced.
@@ -41,14 +40,14 @@ impl GainSet {
     /// start moves by a share of its range.
     pub(super) fn config(&self, moved: Option<&(String, f64)>) -> Config {
         let file = format!("config/{}.toml", self.arm);
-        let text = std::fs::read_to_string(&file).unwrap();
+        let text = fs::read_to_string(&file).unwrap();
         let text = self.replaced(&text);
-        let config = Config::parse(Path::new(&file), &text).unwrap();
+        let config = parse(&file, &text);
         let Some((name, share)) = moved else { return config };
         let place = config.joints.iter().position(|joint| joint.name == *name).unwrap();
         let [low, high] = config.controller.arm.ranges()[place];
         let start = (config.joints[place].plant.start + share * (high - low)).clamp(low, high);
-        Config::parse(Path::new(&file), &started(&text, name, start)).unwrap()
+        parse(&file, &starting(&text, name, start))
     }
 
     fn replaced(&self, text: &str) -> String {
@@ -81,7 +80,7 @@ impl GainSet {
 }
 
 /// Returns the file with another start of this joint, in rad or m.
-fn started(text: &str, joint: &str, start: f64) -> String {
+fn starting(text: &str, joint: &str, start: f64) -> String {
     let mut is_joint = false;
     let lines = text.lines().map(|line| {
         if line.starts_with('[') {

@@ -326,50 +326,39 @@ mod tests {
 
     #[test]
     fn invalid_scenarios_are_refused() {
+        let (to_m, deadman, arm) = ("to_m = [0.04, 0, 0]", "deadman = true", "\"arm\"");
         for (from, to, reason) in [
             ("duration_s = 2", "duration_s = -2", "line 2: duration_s must be within"),
             ("at_s = 1\n", "at_s = 1e308\n", "line 2: at_s must be within"),
             ("at_s = 1\n", "at_s = nan\n", "line 2: at_s must be within 0..=5, got NaN"),
             ("at_s = 0.5", "at_s = 5.1", "line 9: at_s must be within 0..=5, got 5.1"),
             ("at_s = 2", "at_s = nan", "line 6: at_s must be within 0..=5, got NaN"),
+            (to_m, "to_m = [nan, 0, 0]", "line 2: to_m must be within -2..=2, got NaN"),
+            (to_m, "to_rad = [0, 4, 0]", "line 2: to_rad must be within"),
             (
-                "to_m = [0.04, 0, 0]",
-                "to_m = [nan, 0, 0]",
-                "line 2: to_m must be within -2..=2, got NaN",
-            ),
-            ("to_m = [0.04, 0, 0]", "to_rad = [0, 4, 0]", "line 2: to_rad must be within"),
-            (
-                "to_m = [0.04, 0, 0]",
+                to_m,
                 "to_m = [0.04, 0, 0, \"x\"]",
                 "line 5: move[0].to_m: must be a list of 3, got 4",
             ),
-            (
-                "to_m = [0.04, 0, 0]",
-                "to_rad = [0, 0]",
-                "line 5: move[0].to_rad: must be a list of 3, got 2",
-            ),
+            (to_m, "to_rad = [0, 0]", "line 5: move[0].to_rad: must be a list of 3, got 2"),
             (
                 "[[move]]",
                 "[hand]\ntremor_hz = [8, 9, 10]\n[[move]]",
                 "line 3: hand.tremor_hz: must be a list of 2, got 3",
             ),
             ("seconds = 5", "seconds = inf", "line 1: seconds must be within"),
-            ("deadman = true", "dead_man = true", "line 8: unknown field `dead_man`"),
+            (deadman, "dead_man = true", "line 8: unknown field `dead_man`"),
             (
-                "\"arm\"",
+                arm,
                 "\"fire\"",
                 "line 11: console[0].request: unknown request \"fire\"; expected arm",
             ),
             (
-                "\"arm\"",
+                arm,
                 "\"scale motion x\"",
                 "line 11: console[0].request: unknown request \"scale motion x\"",
             ),
-            (
-                "deadman = true",
-                "buttons = [true]",
-                "line 8: switch[0].buttons: must be a list of 4, got 1",
-            ),
+            (deadman, "buttons = [true]", "line 8: switch[0].buttons: must be a list of 4, got 1"),
             ("[[hold]]", "[[switch]]\nat_s = 1.5\n[[hold]]", "line 12: at_s must be at least 2"),
             ("seconds = 5", "seconds", "line 1: "),
             (

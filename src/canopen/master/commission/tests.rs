@@ -18,6 +18,16 @@ use crate::testing::scripted::{ScriptedDevice, first_boot, stamp};
 
 /// Boots `device` by `plan`. Returns the outcome, the duration, and all frames the master sent.
 fn boot(plan: &NodePlan, device: &mut ScriptedDevice) -> (BootOutcome, Duration, Vec<Frame>) {
+    disturbed(plan, device, |_| None)
+}
+
+/// Boots `device` as [`boot`] does. Another client disturbs each request for which `reply` returns a reply, which the
+/// master gets in place of that of the device.
+fn disturbed(
+    plan: &NodePlan,
+    device: &mut ScriptedDevice,
+    mut reply: impl FnMut(&Frame) -> Option<Frame>,
+) -> (BootOutcome, Duration, Vec<Frame>) {
     let mut boot = Boot::new(plan);
     let (mut sent, mut queue) = (Vec::new(), Vec::new());
     loop {
@@ -26,11 +36,17 @@ fn boot(plan: &NodePlan, device: &mut ScriptedDevice) -> (BootOutcome, Duration,
         while !queue.is_empty() {
             let frame = queue.remove(0);
             sent.push(frame);
-            if let Some(answer) = device.answer(&frame) {
-                outcome = outcome.or(boot.on_frame(now, &answer, &mut queue));
+            assert!(sent.len() < 5_000, "the boot does not end");
+            let answer = match reply(&frame) {
+                Some(reply) => {
+                    boot.on_foreign_request(&frame);
+                    Some(reply)
+                }
+                None => device.answer(&frame),
+            };
+            for received in answer.into_iter().chain([device.heartbeat(device.state)]) {
+                outcome = outcome.or(boot.on_frame(now, &received, &mut queue));
             }
-            let beat = device.heartbeat(device.state);
-            outcome = outcome.or(boot.on_frame(now, &beat, &mut queue));
         }
         if let Some(outcome) = outcome {
             assert_eq!(boot.deadline(), None);

@@ -17,39 +17,6 @@ fn requested(frame: &Frame) -> Option<Object> {
     (frame.cob_id == 0x603).then(|| Object { index: u16::from_le_bytes([low, high]), sub })
 }
 
-/// Boots `device`. Another client disturbs each request for which `reply` returns a reply, which the master gets in place
-/// of that of the device. Returns the outcome and all frames the master sent.
-fn disturbed(
-    plan: &NodePlan,
-    device: &mut ScriptedDevice,
-    mut reply: impl FnMut(&Frame) -> Option<Frame>,
-) -> (BootOutcome, Vec<Frame>) {
-    let mut boot = Boot::new(plan);
-    let (mut sent, mut queue) = (Vec::new(), Vec::new());
-    loop {
-        let now = boot.deadline().expect("a boot without an outcome has a deadline");
-        let mut outcome = boot.on_time(now, &mut queue);
-        while !queue.is_empty() {
-            let frame = queue.remove(0);
-            sent.push(frame);
-            assert!(sent.len() < 5_000, "the boot does not end");
-            let answer = match reply(&frame) {
-                Some(reply) => {
-                    boot.on_foreign_request(&frame);
-                    Some(reply)
-                }
-                None => device.answer(&frame),
-            };
-            for received in answer.into_iter().chain([device.heartbeat(device.state)]) {
-                outcome = outcome.or(boot.on_frame(now, &received, &mut queue));
-            }
-        }
-        if let Some(outcome) = outcome {
-            return (outcome, sent);
-        }
-    }
-}
-
 /// Boots `device` with the first `times` requests of each kind for each object disturbed. Returns the outcome, and how often each was sent.
 fn each_disturbed(
     plan: &NodePlan,
@@ -57,7 +24,7 @@ fn each_disturbed(
     times: u32,
 ) -> (BootOutcome, BTreeMap<[u8; 4], u32>) {
     let mut counts = BTreeMap::new();
-    let (outcome, _) = disturbed(plan, device, |frame| {
+    let (outcome, ..) = disturbed(plan, device, |frame| {
         requested(frame)?;
         let kind = frame.data().first_chunk::<4>()?;
         let count = counts.entry(*kind).or_insert(0);
@@ -91,7 +58,7 @@ fn fourth_disturbance_of_a_transfer_fails_the_boot() {
     let (plan, _) = rated();
     for object in [Object::VENDOR_ID, Object::RATED_TORQUE, Object::tpdo_mapping(1, 2)] {
         let mut requests = 0;
-        let (outcome, _) = disturbed(&plan, &mut rated().1, |frame| {
+        let (outcome, ..) = disturbed(&plan, &mut rated().1, |frame| {
             let is_disturbed = requested(frame)? == object && requests < 10;
             requests += u32::from(is_disturbed);
             is_disturbed.then(|| aborted(frame))
@@ -106,7 +73,7 @@ fn fourth_disturbance_of_a_transfer_fails_the_boot() {
 fn disturbance_counts_for_its_transfer_alone() {
     // The client disturbs the transfer before, which succeeds all the same: the refusal is the node's.
     let (plan, mut device) = rated();
-    let sent = disturbed(&plan, &mut device, |_| None).1;
+    let (.., sent) = boot(&plan, &mut device);
     let requests: Vec<Frame> = sent.into_iter().filter(|it| requested(it).is_some()).collect();
     for object in [Object::VENDOR_ID, Object::RATED_TORQUE] {
         let place = requests.iter().position(|it| requested(it) == Some(object)).unwrap();
@@ -141,7 +108,7 @@ fn reply_to_another_client_is_no_value_of_the_object() {
     ] {
         for times in [1, MAX_REPEATS, MAX_REPEATS + 1] {
             let mut count = 0;
-            let (outcome, _) = disturbed(&plan, &mut ScriptedDevice::suiting(&plan), |frame| {
+            let (outcome, ..) = disturbed(&plan, &mut ScriptedDevice::suiting(&plan), |frame| {
                 let is_read = requested(frame)? == object && frame.data().first() == Some(&0x40);
                 count += u32::from(is_read);
                 let mut reply = [command, 0, 0, 0, 0x5A, 0x5A, 0, 0];

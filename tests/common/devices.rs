@@ -36,7 +36,7 @@ impl Application for Idle {
 pub(crate) struct Devices(pub(crate) Vec<Device<Idle>>);
 
 impl Devices {
-    /// Devices from pairs of node-ID and serial number.
+    /// Devices from pairs of node-id and serial number.
     pub(crate) fn from_numbers(numbers: &[(u8, u32)]) -> Self {
         let eds = Eds::parse(&std::fs::read("eds/frhc_drive.eds").unwrap()).unwrap();
         let device = |(node, serial): &(u8, u32)| {

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use canopen_tools::candump::Line;
 
-/// Node-IDs of the drives of [`KRAFT`](super::shipped::KRAFT).
+/// Node-ids of the drives of [`KRAFT`](super::shipped::KRAFT).
 pub(crate) const NODES: RangeInclusive<u16> = 1..=6;
 
 /// COB-IDs of the grouped target torques of nodes 1 to 3 and 4 to 6.

@@ -41,7 +41,7 @@ fn configure(selection: Selection, node: Option<NodeId>) -> Job {
     Job { inquire: true, node: Some(node), store: true, ..Job::new(selection) }
 }
 
-/// Devices with these serial numbers, without node-IDs.
+/// Devices with these serial numbers, without node-ids.
 fn unconfigured(serials: &[u32]) -> (TestSession, Wire) {
     let numbers: Vec<(u8, u32)> = (1..).zip(serials.iter().copied()).collect();
     let (mut session, wire) = session(Devices::from_numbers(&numbers));
@@ -66,7 +66,7 @@ fn identify(session: &mut TestSession, description: Option<Description>) -> u32 
     requests.unwrap()
 }
 
-/// Node-IDs in the order of the devices.
+/// Node-ids in the order of the devices.
 fn nodes(session: &TestSession) -> Vec<Option<u8>> {
     let devices = session.bus().stations().0.iter();
     devices.map(|device| device.is_configured().then(|| device.node().raw())).collect()

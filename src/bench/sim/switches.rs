@@ -80,7 +80,7 @@ impl SwitchBox {
         self.device.dictionary()
     }
 
-    /// Returns the node-ID.
+    /// Returns the node-id.
     pub const fn node(&self) -> NodeId {
         self.device.node()
     }

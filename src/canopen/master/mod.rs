@@ -55,7 +55,7 @@ const MAX_QUEUED: usize = 64;
 #[derive(Clone, Debug)]
 pub struct Master {
     slaves: Vec<Slave>,
-    /// Node-ID of this master, if the master produces a heartbeat.
+    /// Node-id of this master, if the master produces a heartbeat.
     own: Option<NodeId>,
     unknown_nodes: UnknownNodes,
     /// Number of uploads that other clients have initiated.
@@ -100,7 +100,7 @@ impl Master {
         }
     }
 
-    /// Sets the node-ID of this master: once the network runs, its heartbeat from another sender is a foreign master's.
+    /// Sets the node-id of this master: once the network runs, its heartbeat from another sender is a foreign master's.
     #[must_use]
     pub fn with_node_id(self, own: NodeId) -> Self {
         Self { own: Some(own), ..self }

@@ -194,7 +194,7 @@ fn frame_of(cob_id: u16, data: &[u8]) -> Frame {
     Frame::from_slice(cob_id, data).unwrap_or(Frame::new(cob_id, []))
 }
 
-/// Base COB-ID of SDO requests (CiA 301, 7.3.3); the node-ID is added to it.
+/// Base COB-ID of SDO requests (CiA 301, 7.3.3); the node-id is added to it.
 const SDO_REQUEST: u16 = 0x600;
 
 /// Returns a download by a foreign SDO client to a timer by which a drive stops without its master.
@@ -237,7 +237,7 @@ fn random_frames(random: &mut Random, at: &Conditions<'_>, are_own: bool) -> Inj
 /// Returns whether a COB-ID of the predefined connection set is one of nodes 1 to 6, 16 and 127, or a broadcast.
 const fn is_used(cob_id: u16) -> bool {
     let node = cob_id & 0x7F;
-    // TIME and LSS are broadcasts, and so is every COB-ID without a node-ID.
+    // TIME and LSS are broadcasts, and so is every COB-ID without a node-id.
     node == 0 || cob_id < 0x80 || cob_id >= 0x780 || node <= 6 || node == 16 || node == 127
 }
 

@@ -93,7 +93,7 @@ fn heartbeat_lost(at: &Conditions<'_>, target: Target) -> Injection {
         .observed_for(within + Duration::from_millis(150))
 }
 
-/// Base COB-ID of heartbeats (CiA 301, 7.3.3); the node-ID is added to it.
+/// Base COB-ID of heartbeats (CiA 301, 7.3.3); the node-id is added to it.
 const HEARTBEAT: u16 = 0x700;
 
 /// Toggle bit of an answer to node guarding (CiA 301, 7.2.8.2.2.1).

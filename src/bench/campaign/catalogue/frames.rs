@@ -47,7 +47,7 @@ const TPDO: Service = Service::Tpdo(1);
 /// RPDO with the target torque (6071h) of a drive.
 const RPDO: Service = Service::Rpdo(1);
 
-/// Causes of two drives with one node-ID: if the second one answers first, the position appears to jump.
+/// Causes of two drives with one node-id: if the second one answers first, the position appears to jump.
 const TWO_DRIVES: &[CauseKind] = &[CauseKind::Duplicate, CauseKind::PositionJumped];
 
 /// Causes of reordered samples, which leave SYNC windows empty; late ones may then exceed the number of SYNCs.
@@ -151,7 +151,7 @@ fn frozen(random: &mut Random, at: &Conditions<'_>) -> Injection {
     of_tpdo(random, at, Effect::Freeze, criterion).observed_for(Duration::from_millis(800))
 }
 
-/// Gives two drives of one bus the same node-ID; their positions must differ.
+/// Gives two drives of one bus the same node-id; their positions must differ.
 fn imitated(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let joint = random.joint();
     let channel = |joint: Joint| joint.entry(&at.config.joints).channel;

@@ -16,7 +16,7 @@ use testbench::world;
 use units::drive::Counts;
 use units::numbering::{Joint, NodeIndex};
 
-/// COB-ID of an SDO request, before the node-ID is added (CiA 301, 7.3.3).
+/// COB-ID of an SDO request, before the node-id is added (CiA 301, 7.3.3).
 pub(super) const SDO_REQUEST: u16 = 0x600;
 /// COB-ID of an SDO response.
 pub(super) const SDO_REPLY: u16 = 0x580;
@@ -137,7 +137,7 @@ impl Sheet {
         self.rpdos.iter().enumerate().find(is_it)
     }
 
-    /// Returns the node with this COB-ID, which is `base` plus node-ID.
+    /// Returns the node with this COB-ID, which is `base` plus node-id.
     pub(super) fn node(&self, channel: Channel, cob_id: u16, base: u16) -> Option<NodeIndex> {
         let is_it = |member: &Member| {
             member.channel == channel && base + u16::from(member.node.raw()) == cob_id

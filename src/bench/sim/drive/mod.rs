@@ -139,7 +139,7 @@ impl Drive {
         self.channel
     }
 
-    /// Returns the node-ID.
+    /// Returns the node-id.
     pub const fn node(&self) -> NodeId {
         self.device.node()
     }

@@ -62,7 +62,7 @@ fn i9_remote_frames_go_to_guarded_nodes_alone() {
     bench.poll(3);
     assert_eq!(bench.violated(), []);
     bench.poll(9);
-    assert_eq!(bench.violated(), [Invariant::OwnIdentifiers], "no node has this node-ID");
+    assert_eq!(bench.violated(), [Invariant::OwnIdentifiers], "no node has this node-id");
     let mut bench = Bench::cold();
     bench.poll(3);
     assert_eq!(bench.violated(), [Invariant::OwnIdentifiers], "it sends a heartbeat");

@@ -44,7 +44,7 @@ mod attribute {
     pub(super) const TYPE: u16 = u16::MAX >> 2;
 }
 
-/// Properties of an interface.
+/// Link attributes that the kernel reports (`RTM_NEWLINK`).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct InterfaceProperties {
     /// Interface flags (`IFF_…`).

@@ -10,7 +10,7 @@ use crate::common::sh_blocks::{ShBlock, blocks};
 /// Where a block is run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Lane {
-    /// On any machine.
+    /// On any machine, without a session.
     AnyMachine,
     /// On any machine, where `/tmp/session` is a recorded session of ten seconds.
     Session,

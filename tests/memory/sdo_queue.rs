@@ -11,7 +11,6 @@ use canopen::sdo::{Outcome, SdoError, SdoOptions, Transfer};
 /// Request to a node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Request {
-    /// Object.
     pub(crate) object: Object,
     /// Read or write.
     pub(crate) task: Task,
@@ -37,13 +36,9 @@ pub(crate) struct Ticket(u64);
 /// Finished request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Done {
-    /// Request.
     pub(crate) ticket: Ticket,
-    /// Node.
     pub(crate) node: NodeId,
-    /// Object.
     pub(crate) object: Object,
-    /// Outcome.
     pub(crate) outcome: Outcome,
 }
 

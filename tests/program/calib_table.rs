@@ -32,7 +32,7 @@ impl Curve {
     }
 }
 
-/// One reading.
+/// Line of the table that a bench would write.
 #[derive(Clone, Copy)]
 struct Reading {
     is_up: bool,
@@ -115,7 +115,7 @@ impl Data {
     }
 }
 
-/// One row.
+/// Table of readings, and what fitting it must give.
 struct Row {
     name: &'static str,
     csv: String,

@@ -67,7 +67,7 @@ fn interface_that_goes_down_is_reported_and_accepts_no_frame() {
     Process::start("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
     let telegram = Telegram { channel: Channel(0), frame: Frame::new(0x80, []) };
     let event = bus.receive(bus.now() + Duration::from_millis(5)).map(|received| received.event);
-    assert_eq!(event, Some(BusEvent::Fault(bus::BusFault::Down)));
+    assert_eq!(event, Some(BusEvent::Error(bus::BusError::Down)));
     assert_eq!(bus.send(telegram), Err(SendError::Down));
     Process::start("ip", &["link", "set", "vcan1", "up"]).wait().succeeds();
 }

@@ -216,7 +216,7 @@ impl Rig {
         Onset(self.candump.mark().nanos)
     }
 
-    /// Kills the node.
+    /// Ends the node by SIGKILL.
     pub(crate) fn kill_node(&mut self) {
         self.node.take().unwrap().kill();
     }

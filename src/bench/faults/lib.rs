@@ -67,7 +67,7 @@ pub enum Target {
     Host,
 }
 
-/// Kind of a fault.
+/// Where a fault acts, with its figures; displayed in words.
 #[derive(Clone, Copy, Debug, Display, PartialEq)]
 pub enum FaultKind {
     /// Lost connection of a device to its bus.

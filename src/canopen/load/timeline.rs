@@ -22,7 +22,7 @@ pub struct Pauses {
     pub host_us: u32,
 }
 
-/// Stage of a cycle.
+/// Part of a cycle, in the order of time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CycleStage {
     /// Transmission of SYNC.

@@ -138,7 +138,7 @@ impl Column {
     }
 }
 
-/// One reading.
+/// Line of the table with its joint and date.
 struct CurveReading {
     line: usize,
     joint: String,

@@ -54,7 +54,7 @@ pub enum Change {
 /// Time between two SYNCs, and its deviation from the period in µs.
 pub(super) type Beat = (Duration, Option<i64>);
 
-/// Monitor of one bus.
+/// SYNC, heartbeats and RPDOs of one bus, compared with their periods.
 #[derive(Clone, Debug)]
 pub(super) struct BusMonitor {
     timing: Option<Timing>,

@@ -35,7 +35,7 @@ pub struct Step<'t> {
 /// Action of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action<'t> {
-    /// Requests an upload.
+    /// Requests an upload (ccs 2).
     RequestUpload,
     /// Requests an expedited download.
     RequestDownload(Value<'t>),

@@ -5,7 +5,7 @@ use ratatui::text::{Line, Span};
 
 use super::text::fitted;
 
-/// Row of the screen.
+/// One line of styled text, cut at the width of the screen.
 pub(super) type ScreenRow = Line<'static>;
 
 /// Rows that belong together.

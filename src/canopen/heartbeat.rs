@@ -1,7 +1,7 @@
 //! Heartbeats (CiA 301, 7.2.8.3.2): producer of the master's heartbeat, consumer of each node's.
 //!
-//! The cycle polls the [`Producer`] after its checks have passed. The heartbeat stops with the cycle, and the drives
-//! react (1016h). The [`Consumer`] only reports.
+//! The cycle polls the [`Producer`] behind its RPDOs, unless it has stalled. So the heartbeat stops with the cycle, and the
+//! drives react (1016h). The [`Consumer`] only reports.
 //!
 //! One byte: the NMT state, or 0 as the boot-up message.
 

@@ -17,7 +17,7 @@ const LIMIT_M: RangeInclusive<f64> = 1e-4..=1.0;
 const LIMIT_DEG: RangeInclusive<f64> = 0.01..=90.0;
 
 /// End of the message for a missing limit.
-const NEEDED: &str = "a model needs: beyond it the robot does not follow, and the command holds";
+const NEEDED: &str = "a model needs: beyond it the robot does not follow, and the object is held";
 
 /// Reads both keys, which `kind = "both"` requires. Returns the outer `None` after a problem, the inner one if no model
 /// is configured.

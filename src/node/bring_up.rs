@@ -1,4 +1,9 @@
-//! Bring-up before the first cycle.
+//! Bring-up, in the stages of docs/loop.md.
+//!
+//! | function         | stages                                                                     |
+//! |------------------|----------------------------------------------------------------------------|
+//! | `start_network`  | listen; boot of every node to NMT operational, without a cycle             |
+//! | `become_ready`   | cycles at zero torque: modes of operation, enabling, proof test, `Ready`   |
 
 use std::time::Duration;
 
@@ -152,7 +157,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         // No sample was requested during the boot: the newest one is stale.
         self.remote_side.exchange(now, &Command::HOLD, Mode::Boot);
         self.safety.boot(now);
-        self.drives.power.allow_one_fault_reset();
+        self.drives.power.allow_enabling();
         for joint in Joint::ALL.into_iter().filter(|joint| !self.mode_check.is_enabling(*joint)) {
             self.drives.power.keep_off(joint);
         }

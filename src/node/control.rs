@@ -1,6 +1,6 @@
 //! Controller, and the operator's command mode (rate or pose).
 
-use crate::newest_sample::NewestSample;
+use crate::newest_remote_sample::NewestRemoteSample;
 use crate::operator::OperatorMonitors;
 use crate::permit::Permit;
 use crate::record::RefusedPress;
@@ -36,7 +36,7 @@ impl Control {
     pub(super) fn input(
         &self,
         samples: &Samples,
-        newest: &NewestSample,
+        newest: &NewestRemoteSample,
         operator: &OperatorMonitors,
         permit: &Permit,
         restart: bool,

@@ -9,8 +9,8 @@
 //!    └ gather until complete ─┘       └ record (its owner's queue)           │
 //! ```
 //!
-//! A watch returns causes, and does not change the mode. Only [`raise`](Node::raise) passes them to safety, which keeps the
-//! first: of causes in one cycle, the watch listed first wins.
+//! A watch returns causes. Only [`raise`](Node::raise) passes them to safety, which keeps the first: of causes in one cycle,
+//! the watch listed first wins.
 
 use crate::Node;
 use crate::cause::Cause;
@@ -35,6 +35,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
         let sync_at = self.send_sync(due.at);
         self.gather(sync_at);
+        // The end of the window is the time of all that follows in this cycle.
         let now = self.wire.now();
         self.timing.readings.window_end = now;
         self.poll_master(now);
@@ -42,7 +43,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.watch_drives(now);
 
         let refused_press = self.press_buttons();
-        let permit = self.safety.permit(now, self.operator.is_held());
+        let permit = self.safety.advance(now, self.operator.is_held());
         let input = self.input(&permit, due.skipped);
         let output = self.control.step(&input);
         self.watch_step(now, &permit, &input, &output);
@@ -89,8 +90,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.raise(now, [missing, deadman, link, far_side, gripper]);
     }
 
-    /// Watches that every drive is enabled. Reads the error history (1003h) of a drive whose statusword stopped the node.
-    /// Raises apart from the samples' causes, because the allowed statuswords depend on the mode after them.
+    /// Watches that every drive is enabled; `Boot` then ends in `Ready`. Raises apart from the samples' causes, because the
+    /// allowed statuswords depend on the mode after them. Reads the error history (1003h) of a drive that stopped the node.
     fn watch_drives(&mut self, now: Instant) {
         let Some((joint, statusword)) = self.not_enabled() else {
             if self.samples.is_complete() && self.proof_test.is_done() {

@@ -27,7 +27,7 @@ pub mod joint_reading;
 mod lateness;
 mod mode_check;
 mod network;
-mod newest_sample;
+mod newest_remote_sample;
 pub mod operator;
 pub mod permit;
 mod plausibility;

@@ -39,13 +39,13 @@ pub(super) struct PowerStages {
 }
 
 impl PowerStages {
-    /// Permits one fault reset per drive, at its next fault while being enabled, and enabling of drives kept off.
-    pub(super) fn allow_one_fault_reset(&mut self) {
+    /// Permits enabling of all drives, those kept off included, and one fault reset of each while it is being enabled.
+    pub(super) fn allow_enabling(&mut self) {
         self.may_reset = [true; 6];
         self.kept_off = [false; 6];
     }
 
-    /// Keeps the drive of this joint off until [`allow_one_fault_reset`](Self::allow_one_fault_reset).
+    /// Keeps the drive of this joint off until [`allow_enabling`](Self::allow_enabling).
     pub(super) const fn keep_off(&mut self, joint: Joint) {
         *joint.entry_mut(&mut self.kept_off) = true;
     }
@@ -113,7 +113,7 @@ mod tests {
     #[test]
     fn first_fault_while_enabling_is_reset_and_the_second_is_not() {
         let mut stages = PowerStages::default();
-        stages.allow_one_fault_reset();
+        stages.allow_enabling();
         let mut word = |state| stages.controlword(FIRST, Some(state), Goal::OperationEnabled);
         assert_eq!(word(State::OperationEnabled), Controlword::ENABLE_OPERATION, "an old word");
         assert_eq!(word(State::Fault), Controlword::FAULT_RESET);
@@ -130,7 +130,7 @@ mod tests {
         };
         let (on, off) = (Goal::OperationEnabled, Goal::VoltageDisabled);
         assert_eq!(goals(&stages), [on, on, off, on, on, on]);
-        stages.allow_one_fault_reset();
+        stages.allow_enabling();
         assert_eq!(goals(&stages), [on; 6]);
     }
 }

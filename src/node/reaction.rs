@@ -6,8 +6,8 @@ use std::time::Duration;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Reaction {
     /// No stop: torque is zero. Arming is refused while the cause is active.
-    None,
-    /// S1: gravity compensation stays on, other torques ramp to zero, the command holds.
+    NoStop,
+    /// S1: gravity compensation stays on, other torques ramp to zero, the object is held.
     ReflectionOff,
     /// S2: all target torques zero in the next frame; the drives stay enabled for 100 ms.
     ZeroTorque,
@@ -19,19 +19,19 @@ impl Reaction {
     /// Returns the maximum time until the torques that it ends are zero.
     pub const fn ramp(self) -> Duration {
         match self {
-            Self::ReflectionOff => Duration::from_millis(50),
-            Self::None | Self::ZeroTorque | Self::DrivesOff => Duration::ZERO,
+            Self::ReflectionOff => Duration::from_millis(20),
+            Self::NoStop | Self::ZeroTorque | Self::DrivesOff => Duration::ZERO,
         }
     }
 
     /// Returns its description for operators, as `frhc explain faults` prints it.
     pub const fn description(self) -> &'static str {
         match self {
-            Self::None => {
+            Self::NoStop => {
                 "no stop: torque is zero, and arming is refused while the cause is active"
             }
             Self::ReflectionOff => {
-                "reflection off: the command holds, gravity compensation stays on, other torques ramp to zero"
+                "reflection off: the object is held, gravity compensation stays on, other torques ramp to zero"
             }
             Self::ZeroTorque => {
                 "zero torque: all six targets zero in the next frame, drives off 100 ms later"
@@ -100,7 +100,7 @@ pub(crate) const fn always(
 /// Row that stops only modes with torque.
 pub(crate) const fn armed(reaction: Reaction, hazards: &'static [u8]) -> FaultTableRow {
     FaultTableRow {
-        unarmed: Reaction::None,
+        unarmed: Reaction::NoStop,
         armed: reaction,
         initiator: Initiator::Node,
         reset_boots: false,

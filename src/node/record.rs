@@ -33,7 +33,7 @@ pub enum Mode {
     ReflectionOff,
     /// S2: a fault; torque is zero, and the drives are off 100 ms later.
     ZeroTorque,
-    /// S3: a fault; the drives are off until a reset.
+    /// S3, or the orderly stop: the drives are off until a reset.
     DrivesOff,
 }
 

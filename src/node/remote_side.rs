@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::cause::Cause;
-use crate::newest_sample::NewestSample;
+use crate::newest_remote_sample::NewestRemoteSample;
 use crate::record::Mode;
 use config::Config;
 use remote::model::{Difference, Model};
@@ -14,7 +14,7 @@ use units::time::Instant;
 #[derive(Clone, Debug)]
 pub(super) struct RemoteSide<R> {
     pub(super) remote: R,
-    pub(super) newest: NewestSample,
+    pub(super) newest: NewestRemoteSample,
     model: Option<Model>,
     was_armed: bool,
 }
@@ -30,7 +30,7 @@ pub(super) struct SideState {
 impl<R: Remote> RemoteSide<R> {
     /// Sends `Hold` and takes the first sample.
     pub(super) fn new(config: &Config, now: Instant, remote: R) -> Self {
-        let newest = NewestSample::new(config.link.max_age);
+        let newest = NewestRemoteSample::new(config.link.max_age);
         let limit = config.far_side.model_limit;
         let model = limit.map(|limit| Model::new(&config.remote, limit, config.period));
         let mut side = Self { remote, newest, model, was_armed: false };

@@ -124,7 +124,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             refuse(self.misfits(now).collect())?;
         }
         let stop = self.safety.reset(now)?;
-        self.drives.power.allow_one_fault_reset();
+        self.drives.power.allow_enabling();
         let was_silent = self.network.is_silent();
         let unconfirmed = self.unconfirmed();
         self.power_off.restart();

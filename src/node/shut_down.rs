@@ -75,7 +75,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         &mut self,
         is_urgent: &mut dyn FnMut() -> bool,
     ) -> Result<(), PowerOffError> {
-        self.safety.shut_down(self.wire.read_clock());
+        self.safety.switch_drives_off(self.wire.read_clock());
         let until = self.wire.read_clock() + POWER_OFF_TIMEOUT;
         while !self.is_off() && self.wire.read_clock() < until {
             self.cycle();
@@ -104,7 +104,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Sets all nodes pre-operational, so that no PDO of this master acts any more.
     pub(super) fn enter_pre_operational(&mut self) {
-        self.network.master.shut_down(&mut self.wire.out);
+        self.network.master.enter_pre_operational(&mut self.wire.out);
         self.send_queued();
         let flushed = self.wire.read_clock() + self.timing.period;
         while let Some(received) = self.wire.receive(flushed) {

@@ -21,7 +21,8 @@ use units::numbering::NodeIndex;
 use units::time::Instant;
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Limits the controller's targets and sends them; returns the targets that the drives now hold.
+    /// Limits the controller's targets and sends them; returns the targets that the drives now hold. After a cause of this
+    /// cycle the torques are zero in this cycle; controlwords follow the permit of the next one.
     pub(super) fn command_drives(
         &mut self,
         sync_at: Instant,

@@ -97,7 +97,8 @@ fn within<T: Send + 'static>(
     result.recv_timeout(limit).ok()
 }
 
-/// Boots the node and runs cycles until `stopping` returns true, then stops the drives in order unless it `is_urgent`.
+/// Boots the node and runs cycles until `stopping` returns true, then shuts it down in order. If it `is_urgent`, the drives
+/// keep monitoring the heartbeat, and report its end.
 pub fn run_node<B: Bus, R: Remote, S: InputSink + Clone>(
     node: &mut TappedNode<B, R, S>,
     requests: &mut RequestReceiver,

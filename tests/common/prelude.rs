@@ -1,5 +1,5 @@
 //! Imports of most tests, by `use crate::common::prelude::*;`.
-#![allow(unused_imports, reason = "each test file is a crate of its own and uses a part of this")]
+#![allow(unused_imports, reason = "each test binary uses a part of this")]
 
 pub(crate) use std::fs;
 pub(crate) use std::path::{Path, PathBuf};

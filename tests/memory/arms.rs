@@ -146,7 +146,7 @@ fn released_balanced_arm_stays_in_place_at_zero_torque() {
 
 #[test]
 fn grip_and_object_start_with_equal_orientation() {
-    for name in ["kraft_like.toml", "jpl_like.toml", "sixr_spherical.toml"] {
+    for name in [KRAFT, JPL, SIXR] {
         let config = config(name);
         let x_0_g = config.controller.arm.forward(&world::start(&config.plant()));
         let angle = x_0_g.rotation.angle_to(&config.remote.x_b_m.rotation);

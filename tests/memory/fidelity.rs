@@ -11,7 +11,7 @@ use experiments::fidelity::trial::Arm;
 use sim::random::SplitMix;
 use testbench::truth::Truth;
 
-const CONFIGS: [&str; 4] = [KRAFT, KRAFT_500HZ, JPL, "config/sixr_spherical.toml"];
+const CONFIGS: [&str; 4] = [KRAFT, KRAFT_500HZ, JPL, SIXR];
 
 /// Plays the full course at the nearest place, 9 N held.
 fn full(name: &str, arm: Arm, hand: &'static Hand) -> FidelityResult {

@@ -4,6 +4,7 @@ use crate::common::bench::press_script;
 use crate::common::prelude::*;
 use faults::LinkFault;
 use node::Node;
+use node::reaction::Reaction;
 use remote::site::VirtualSite;
 use remote::{Command, Remote, RemoteSample};
 
@@ -147,7 +148,8 @@ fn arming_is_refused_before_the_first_remote_sample() {
 fn link_fails_and_returns(name: &str, down: LinkFault) {
     let config = config(KRAFT);
     let mut bench = started(&config, scenario(&format!("faults/{name}")), ());
-    let (mut before, mut fell_at, mut felt_for) = (None, None, Duration::ZERO);
+    let (mut before, mut fell_at, mut stopped_at) = (None, None, None);
+    let (mut felt_for, mut felt_after_stop) = (Duration::ZERO, Duration::ZERO);
     while bench.elapsed() < Duration::from_millis(1_450) {
         let is_down = bench.world_mut().link() == Some(down);
         let record = bench.cycle();
@@ -157,9 +159,13 @@ fn link_fails_and_returns(name: &str, down: LinkFault) {
             continue;
         }
         let since = record.at.since(*fell_at.get_or_insert(record.at));
+        if record.mode == Mode::ReflectionOff {
+            stopped_at.get_or_insert(record.at);
+        }
         assert!(steep <= 1.0 + 1e-9, "a step of {steep} times the slew");
         if (record.output.tau - record.output.ledger.gravity).amax() > 1e-9 {
             felt_for = since;
+            felt_after_stop = stopped_at.map_or(Duration::ZERO, |at| record.at.since(at));
         }
     }
     let record = bench.cycle();
@@ -169,6 +175,7 @@ fn link_fails_and_returns(name: &str, down: LinkFault) {
     // The last sample may have come a cycle before the first record without a link.
     let (least, most) = (Duration::from_millis(20) - config.period, Duration::from_millis(70));
     assert!((least..=most).contains(&felt_for), "{felt_for:?}");
+    assert!(felt_after_stop <= Reaction::ReflectionOff.ramp(), "{felt_after_stop:?}");
 
     let refused = bench.ask(Request::Reset).unwrap_err().to_string();
     assert_eq!(refused, "still active: no new wrench from the commanded side");

@@ -9,7 +9,7 @@ const SCRIPT: &str = "seconds = 5\n\
     [[switch]]\nat_s = 0.4\ndeadman = true\n";
 
 /// Returns the reason why the boot of an arm with these quirks in its elbow fails; empty if it does not.
-fn refusal(file: &str, quirks: &[&str]) -> String {
+fn boot_refusal(file: &str, quirks: &[&str]) -> String {
     let (mut bench, _) = bench_of(&config(file), SCRIPT, quirks);
     let booted = bench.bring_up();
     for drive in bench.world_mut().drives() {
@@ -67,24 +67,24 @@ fn promise_09_offsets_are_cleared_where_the_eds_lacks_them() {
 
 #[test]
 fn drive_that_keeps_an_offset_is_refused() {
-    let text = refusal(KRAFT, &["stored:60B2h=100", "forgetful:60B2h"]);
+    let text = boot_refusal(KRAFT, &["stored:60B2h=100", "forgetful:60B2h"]);
     let reason = "joint 3 (elbow), node 3: 60B2h is 0064h, expected 0000h: an offset acts from enabling on; clear it \
         with the maker's tool";
     assert_eq!(text, reason);
-    assert_eq!(refusal(KRAFT, &["forgetful:60B2h"]), "", "it is zero");
+    assert_eq!(boot_refusal(KRAFT, &["forgetful:60B2h"]), "", "it is zero");
 }
 
 #[test]
 fn torque_limits_below_the_capacity_are_refused() {
     for (object, name) in [("60E0h", "positive torque limit"), ("60E1h", "negative torque limit")] {
         let file = KRAFT;
-        let text = refusal(file, &[&format!("stored:{object}=867")]);
+        let text = boot_refusal(file, &[&format!("stored:{object}=867")]);
         let reason = format!(
             "joint 3 (elbow), node 3: {name} ({object}) is 867 ‰, expected at least 868 ‰: raise it with the maker's \
              tool, or lower max_torque_nm (max_force_n of a sliding joint)"
         );
         assert_eq!(text, reason);
-        assert_eq!(refusal(file, &[&format!("stored:{object}=868")]), "");
+        assert_eq!(boot_refusal(file, &[&format!("stored:{object}=868")]), "");
     }
     let (mut bench, wire) = bench_of(&config(KRAFT), SCRIPT, &[]);
     bench.bring_up().unwrap();
@@ -140,7 +140,7 @@ fn fixed_mapping_with_a_torque_offset_is_refused() {
     }
     quirks.push("stored:1A00h=3".to_owned());
     let quirks: Vec<&str> = quirks.iter().map(String::as_str).collect();
-    let text = refusal(KRAFT_500HZ, &quirks);
+    let text = boot_refusal(KRAFT_500HZ, &quirks);
     assert!(
         text.contains("1600h is 03h, expected 02h: choose a layout that the device has"),
         "{text}"

@@ -9,7 +9,7 @@ use node::{RequestError, Unfit};
 const ARMS: [(&str, [f64; 6]); 3] = [
     (KRAFT_500HZ, KRAFT_LIKE),
     (JPL, [25.0, -25.0, 0.42, 30.0, -30.0, 30.0]),
-    ("config/sixr_spherical.toml", [25.0, -70.0, 120.0, 30.0, 40.0, -30.0]),
+    (SIXR, [25.0, -70.0, 120.0, 30.0, 40.0, -30.0]),
 ];
 
 /// Place of the configurations, whose paths are relative to it.
@@ -41,7 +41,7 @@ fn arm(test: &str, file: &str, rest: [f64; 6]) -> String {
 }
 
 /// Returns the text with a change in one joint's section.
-fn changed(text: &str, joint: usize, change: impl Fn(&str) -> String) -> String {
+fn in_joint(text: &str, joint: usize, change: impl Fn(&str) -> String) -> String {
     let mut parts: Vec<String> = text.split("\n[[joint]]\n").map(str::to_owned).collect();
     parts[joint] = change(&parts[joint]);
     parts.join("\n[[joint]]\n")
@@ -49,7 +49,7 @@ fn changed(text: &str, joint: usize, change: impl Fn(&str) -> String) -> String 
 
 /// Returns a configuration with the opposite direction of the drive of this joint.
 fn reversed(text: &str, joint: usize) -> String {
-    changed(text, joint, |part| match part.contains("gear_ratio = -") {
+    in_joint(text, joint, |part| match part.contains("gear_ratio = -") {
         true => part.replace("gear_ratio = -", "gear_ratio = "),
         false => part.replace("gear_ratio = ", "gear_ratio = -"),
     })
@@ -57,7 +57,7 @@ fn reversed(text: &str, joint: usize) -> String {
 
 /// Returns a configuration whose drive of this joint counts `halves / 2` times its increments.
 fn counting(text: &str, joint: usize, halves: u32) -> String {
-    changed(text, joint, |part| {
+    in_joint(text, joint, |part| {
         let increments = 16_384 / 2 * halves;
         part.replace(
             "encoder_counts_per_rev = 16384",
@@ -73,7 +73,7 @@ fn bench(world: &str, node: &str) -> Bench<Wire> {
 }
 
 /// Returns the refusal of a request to arm; asserts that no motor exerted torque afterwards.
-fn refusal(world: &str, node: &str) -> String {
+fn arming_refusal(world: &str, node: &str) -> String {
     let mut bench = bench(world, node);
     // A position beyond its limit at the start ends the boot of a tenfold scale.
     if let Err(error) = bench.bring_up() {
@@ -97,7 +97,7 @@ fn hazard_41_wrong_sign_or_scale_is_refused_before_torque() {
                 .into_iter()
                 .chain([1, 20].map(|halves| counting(&right, joint, halves)));
             for (which, world) in wrong.enumerate() {
-                let refused = refusal(&world, &right);
+                let refused = arming_refusal(&world, &right);
                 let names = refused.contains(&format!("joint {joint}"));
                 let others = (1..=6).filter(|other| *other != joint);
                 let blames =

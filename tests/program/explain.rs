@@ -237,7 +237,7 @@ fn fault_table_has_every_cause_as_text_and_json() {
             assert_eq!(row["leads_to"][mode.name()].as_str(), after, "{name} in {mode}");
         }
     }
-    assert!(text.contains("S1     reflection off: ") && text.contains(" within 50 ms"));
+    assert!(text.contains("S1     reflection off: ") && text.contains(" within 20 ms"));
     let both = explain(&["--q", "0,-0.8,1.6,-0.7,0,0", "faults"], "");
     assert_eq!(both.status.code(), Some(2), "a question or the table");
 }

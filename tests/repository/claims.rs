@@ -203,7 +203,7 @@ pub(crate) const PROMISES: [Claim; 15] = [
     ),
     (
         3,
-        "The drives' timers are proof-tested at each power-up, and limit the force",
+        "The drives' timers are proof-tested at each bring-up, and limit the force",
         "six of six, or no arming",
     ),
     (4, "When one drive faults the others end", "2 cycles"),

@@ -43,7 +43,7 @@ fn is_function(path: &str) -> bool {
 
 #[test]
 fn wrong_names_of_functions_are_found() {
-    for path in ["node::receive::await_sync", "node::safety::permit", "units::spatial::missing"] {
+    for path in ["node::receive::await_sync", "node::safety::advance", "units::spatial::missing"] {
         assert_eq!(is_function(path), !path.ends_with("missing"), "{path}");
     }
     // Half a name, another file, no file, a function of the tests.

@@ -68,7 +68,8 @@ fn text() -> Vec<String> {
         ["", "ready: reaction in modes boot and ready; armed: reaction in armed and engaged"]
             .map(str::to_owned),
     );
-    let all = [Reaction::None, Reaction::ReflectionOff, Reaction::ZeroTorque, Reaction::DrivesOff];
+    let all =
+        [Reaction::NoStop, Reaction::ReflectionOff, Reaction::ZeroTorque, Reaction::DrivesOff];
     lines.extend(all.map(|reaction| {
         let ramp = match reaction.ramp().as_millis() {
             0 => String::new(),
@@ -93,7 +94,7 @@ fn line([cause, ready, armed, first, reset, hazards, words]: [String; 7]) -> Str
 /// Returns the number of the safe state (docs/safety.md).
 const fn short(reaction: Reaction) -> &'static str {
     match reaction {
-        Reaction::None => "-",
+        Reaction::NoStop => "-",
         Reaction::ReflectionOff => "S1",
         Reaction::ZeroTorque => "S2",
         Reaction::DrivesOff => "S3",

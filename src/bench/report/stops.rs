@@ -113,7 +113,7 @@ pub(crate) fn of_record(name: String, record: &Value, joints: &[String]) -> Stop
 pub(crate) fn state(mode: &str) -> &'static str {
     match Mode::ALL.into_iter().find(|one| one.name() == mode) {
         Some(Mode::ReflectionOff) => {
-            "reflection off (S1): the command holds, gravity compensation stays on, nothing is felt"
+            "reflection off (S1): the object is held, gravity compensation stays on, nothing is felt"
         }
         Some(Mode::ZeroTorque) => {
             "zero torque (S2): all torques are zero, and the drives are off 100 ms later"

@@ -4,8 +4,8 @@
 //! and are ignored here. The bus does not return a master's own frames: every NMT command, SYNC or RPDO
 //! received comes from another master.
 //!
-//! Once the network runs, only guarding is sent at once. SDO requests wait in a queue, from which each
-//! cycle [releases](Master::release) one frame.
+//! Once the network runs, guarding, NMT commands and the steps towards a drive that is not off are sent at once. Other SDO
+//! requests wait in a queue, from which each cycle [releases](Master::release) one frame.
 
 pub mod boot_error;
 pub mod check;
@@ -271,7 +271,7 @@ impl Master {
     }
 
     /// Sets every node pre-operational. Call it after torque and power are off.
-    pub fn shut_down(&self, out: &mut Vec<Telegram>) {
+    pub fn enter_pre_operational(&self, out: &mut Vec<Telegram>) {
         let order = NmtCommand::EnterPreOperational;
         out.extend(self.slaves.iter().map(|slave| telegram(slave, order)));
     }

@@ -405,7 +405,7 @@ fn hazard_26_no_node_is_reset_before_a_master_could_be_found() {
 fn shutdown_sets_every_node_pre_operational() {
     let mut bench = Bench::booted();
     let mut out = Vec::new();
-    bench.master.shut_down(&mut out);
+    bench.master.enter_pre_operational(&mut out);
     bench.exchange(out);
     assert!(bench.devices.iter().all(|(_, device)| device.state == 0x7F));
 }

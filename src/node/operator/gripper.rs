@@ -57,7 +57,7 @@ impl GripperLever {
                 inputs.map(|inputs| digital(inputs.bits(), open, close))
             }
         };
-        // A silent switch box is reported by the deadman.
+        // A silent switch box releases the deadman; its missed heartbeat is a cause.
         let aim = aim.unwrap_or(Ok(None));
         self.aim = aim.ok().flatten().map(|share| share * self.input.stroke);
         let Err(cause) = aim else {

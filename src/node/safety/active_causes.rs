@@ -5,7 +5,8 @@ use std::time::Duration;
 use crate::cause::{Cause, CauseKind};
 use units::time::Instant;
 
-/// Time for which a cause stays active after it was last raised. Watches raise their cause in every cycle.
+/// Time for which a cause stays active after it was last raised. The node raises it in every cycle in which its watch
+/// returns it.
 const HOLD_TIME: Duration = Duration::from_millis(20);
 
 /// Newest cause of each kind, with the time it was last raised.

@@ -15,8 +15,9 @@
 //! Torque is zero except in `Armed`, in `ReflectionOff` (gravity compensation alone) and in `Engaged`. After a
 //! disarm request gravity compensation ramps to zero before the mode changes. After a cause the [`table`] applies.
 //!
-//! A latched stop becomes stricter with time or by another cause, never milder. Only a reset ends it. The reset is
-//! refused while the cause is active, unless it boots the network; then the deadman must be released and pressed again.
+//! Causes also stop `Boot` and `Ready`, and a disarm request in S1 leads to S2. A latched stop becomes stricter with time or
+//! by another cause, never milder. Only a reset ends it. It is refused while any cause is active that it does not clear,
+//! unless it boots the network. After it, only a press that follows a release engages.
 //!
 //! | file            | content                                             |
 //! |-----------------|-----------------------------------------------------|
@@ -167,8 +168,8 @@ impl Safety {
         }
     }
 
-    /// Enters `DrivesOff` before the node ends.
-    pub fn shut_down(&mut self, now: Instant) {
+    /// Enters `DrivesOff` without a cause: the orderly stop, or a bring-up that failed.
+    pub fn switch_drives_off(&mut self, now: Instant) {
         self.enter(Mode::DrivesOff, now);
     }
 
@@ -180,7 +181,7 @@ impl Safety {
     }
 
     /// Applies the [`table`] to a cause and latches the stop. Keeps the first cause and the strictest reaction.
-    /// Watches raise their cause in every cycle in which it is active.
+    /// The node raises a cause in every cycle in which its watch returns it.
     pub fn raise(&mut self, now: Instant, cause: Cause) {
         self.active.raise(now, cause);
         let Some(mode) = table::reaction(cause.kind(), self.mode).mode() else { return };
@@ -212,7 +213,7 @@ impl Safety {
                 return Err(Refusal::DeadmanClosed);
             }
         }
-        let would_stop = |kind: CauseKind| kind.row().armed > Reaction::None;
+        let would_stop = |kind: CauseKind| kind.row().armed > Reaction::NoStop;
         if let Some(cause) = self.active.first(now, would_stop) {
             return Err(Refusal::CauseActive(cause));
         }
@@ -255,7 +256,7 @@ impl Safety {
     }
 
     /// Advances mode and ramps by the deadman and the time, and returns the permit of this cycle.
-    pub fn permit(&mut self, now: Instant, is_held: bool) -> Permit {
+    pub fn advance(&mut self, now: Instant, is_held: bool) -> Permit {
         self.advance_mode(now, is_held);
         self.gravity.advance(now, self.allows_torque() && !self.is_ramping_down);
         if self.is_ramping_down && self.gravity.is_zero() {

@@ -11,7 +11,7 @@ impl Reaction {
     /// Returns the mode it leads to, or `None` if the mode stays.
     pub const fn mode(self) -> Option<Mode> {
         match self {
-            Self::None => None,
+            Self::NoStop => None,
             Self::ReflectionOff => Some(Mode::ReflectionOff),
             Self::ZeroTorque => Some(Mode::ZeroTorque),
             Self::DrivesOff => Some(Mode::DrivesOff),
@@ -37,7 +37,7 @@ const fn stricter(one: Reaction, other: Reaction) -> Reaction {
         (Reaction::DrivesOff, _) | (_, Reaction::DrivesOff) => Reaction::DrivesOff,
         (Reaction::ZeroTorque, _) | (_, Reaction::ZeroTorque) => Reaction::ZeroTorque,
         (Reaction::ReflectionOff, _) | (_, Reaction::ReflectionOff) => Reaction::ReflectionOff,
-        (Reaction::None, Reaction::None) => Reaction::None,
+        (Reaction::NoStop, Reaction::NoStop) => Reaction::NoStop,
     }
 }
 
@@ -62,7 +62,7 @@ mod tests {
         for kind in CauseKind::ALL {
             let row = kind.row();
             assert!(row.unarmed <= row.armed, "{kind:?}");
-            assert!(row.armed > Reaction::None && !row.hazards.is_empty(), "{kind:?}");
+            assert!(row.armed > Reaction::NoStop && !row.hazards.is_empty(), "{kind:?}");
         }
     }
 }

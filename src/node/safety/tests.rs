@@ -27,15 +27,15 @@ fn at(millis: u64) -> Instant {
 fn armed() -> Safety {
     let mut safety = Safety::new(TIMES);
     safety.on_drives_enabled(at(0));
-    safety.permit(at(0), false);
+    safety.advance(at(0), false);
     safety.arm(at(0), Some(EnableState::Released)).unwrap();
     safety
 }
 
 fn engaged() -> Safety {
     let mut safety = armed();
-    safety.permit(at(1), false);
-    safety.permit(at(2), true);
+    safety.advance(at(1), false);
+    safety.advance(at(2), true);
     assert_eq!(safety.mode(), Mode::Engaged);
     safety
 }
@@ -54,7 +54,7 @@ fn in_mode(mode: Mode) -> Safety {
         Mode::ZeroTorque => safety.raise(at(3), Cause::GripOverspeed),
         Mode::DrivesOff => {
             safety.raise(at(3), Cause::GripOverspeed);
-            safety.permit(at(103), false);
+            safety.advance(at(103), false);
         }
     }
     assert_eq!(safety.mode(), mode);
@@ -133,7 +133,7 @@ fn each_cause_in_each_mode_leads_to_the_mode_of_the_table() {
         safety.raise(at(60), sample(kind));
         let after = table::reaction(kind, mode).mode().unwrap_or(mode);
         assert_eq!(safety.mode(), after, "{kind:?} in {mode}");
-        let permit = safety.permit(at(60), true);
+        let permit = safety.advance(at(60), true);
         assert_eq!(permit.drives_on, after != Mode::DrivesOff, "{kind:?} in {mode}");
         if after.is_stopped() {
             assert!(!safety.allows_torque(), "{kind:?} in {mode}");
@@ -176,7 +176,7 @@ fn active_cause_refuses_a_reset_unless_the_reset_clears_it() {
 
 #[test]
 fn active_cause_refuses_arming_and_is_named() {
-    for kind in CauseKind::ALL.into_iter().filter(|kind| kind.row().unarmed == Reaction::None) {
+    for kind in CauseKind::ALL.into_iter().filter(|kind| kind.row().unarmed == Reaction::NoStop) {
         let mut safety = in_mode(Mode::Ready);
         let cause = sample(kind);
         safety.raise(at(LATER), cause);
@@ -193,20 +193,20 @@ fn hazard_39_only_a_new_press_engages_after_any_stop() {
     for kind in CauseKind::ALL {
         let mut safety = engaged();
         safety.raise(at(10), sample(kind));
-        assert!(!safety.permit(at(11), true).engaged);
+        assert!(!safety.advance(at(11), true).engaged);
         let answer = safety.reset(at(LATER));
         assert!(answer.is_ok());
         if safety.mode() == Mode::Boot {
             safety.on_drives_enabled(at(LATER));
             let refused = safety.arm(at(LATER), Some(EnableState::Held));
             assert_eq!(refused, Err(Refusal::DeadmanClosed), "{kind:?}");
-            safety.permit(at(LATER), false);
+            safety.advance(at(LATER), false);
             safety.arm(at(LATER), Some(EnableState::Released)).unwrap();
         } else {
-            assert!(!safety.permit(at(LATER), true).engaged, "{kind:?}: still closed");
-            safety.permit(at(LATER + 1), false);
+            assert!(!safety.advance(at(LATER), true).engaged, "{kind:?}: still closed");
+            safety.advance(at(LATER + 1), false);
         }
-        assert!(safety.permit(at(LATER + 2), true).engaged, "{kind:?}");
+        assert!(safety.advance(at(LATER + 2), true).engaged, "{kind:?}");
     }
 }
 
@@ -218,7 +218,7 @@ proptest! {
     ) {
         let mut safety = in_mode(mode);
         let worst = kinds.iter().map(|kind| table::reaction(*kind, mode)).max().unwrap();
-        let is_cause = |kind: &&CauseKind| table::reaction(**kind, mode) > Reaction::None;
+        let is_cause = |kind: &&CauseKind| table::reaction(**kind, mode) > Reaction::NoStop;
         let first = kinds.iter().find(is_cause).map(|kind| sample(*kind));
         let must_boot = kinds.iter().filter(is_cause).any(|kind| kind.row().reset_boots);
         kinds.iter().for_each(|kind| safety.raise(at(10), sample(*kind)));
@@ -234,7 +234,7 @@ proptest! {
 fn torque_is_zero_before_arming() {
     let mut safety = Safety::new(TIMES);
     for is_held in [false, true] {
-        let permit = safety.permit(at(1), is_held);
+        let permit = safety.advance(at(1), is_held);
         assert_eq!((permit.gravity_share, permit.reflection_share), (0.0, 0.0));
         assert!(!permit.engaged && !safety.allows_torque());
     }
@@ -254,28 +254,28 @@ fn hazard_39_arming_needs_a_deadman_known_to_be_released() {
     }
     assert_eq!(safety.arm(at(1), None), Err(Refusal::NoSwitchBox(NoSwitchBox)));
     safety.arm(at(2), Some(EnableState::Released)).unwrap();
-    assert!(!safety.permit(at(3), false).engaged);
-    assert!(safety.permit(at(4), true).engaged);
+    assert!(!safety.advance(at(3), false).engaged);
+    assert!(safety.advance(at(4), true).engaged);
 }
 
 #[test]
 fn hazard_38_deadman_release_disengages_in_the_same_cycle() {
     let mut safety = engaged();
-    let permit = safety.permit(at(11), false);
+    let permit = safety.advance(at(11), false);
     assert_eq!((permit.mode, permit.reflection_share), (Mode::Armed, 0.0));
 }
 
 #[test]
 fn hazard_41_gravity_compensation_and_reflection_ramp_up() {
     let mut safety = armed();
-    let permit = safety.permit(at(500), false);
+    let permit = safety.advance(at(500), false);
     assert!((permit.gravity_share - 0.5).abs() < 1e-12 && permit.gravity_ramps_up);
-    assert!(safety.permit(at(2_000), true).reflection_share < 1e-12);
-    let permit = safety.permit(at(2_150), true);
+    assert!(safety.advance(at(2_000), true).reflection_share < 1e-12);
+    let permit = safety.advance(at(2_150), true);
     assert!((permit.reflection_share - 0.5).abs() < 1e-12);
     assert!((permit.gravity_share - 1.0).abs() < 1e-12 && !permit.gravity_ramps_up);
-    safety.permit(at(2_151), false);
-    assert!(safety.permit(at(2_152), true).reflection_share < 1e-12, "from zero again");
+    safety.advance(at(2_151), false);
+    assert!(safety.advance(at(2_152), true).reflection_share < 1e-12, "from zero again");
 }
 
 #[test]
@@ -286,11 +286,11 @@ fn hazard_30_disarming_ramps_torque_to_zero_within_50_ms() {
         (Mode::ReflectionOff, Mode::ZeroTorque),
     ] {
         let mut safety = in_mode(mode);
-        safety.permit(at(2_000), mode == Mode::Engaged);
+        safety.advance(at(2_000), mode == Mode::Engaged);
         safety.disarm();
         let shares: Vec<f64> = (2_001..2_050)
             .map(|millis| {
-                let permit = safety.permit(at(millis), true);
+                let permit = safety.advance(at(millis), true);
                 assert!(
                     safety.allows_torque() && !permit.engaged && permit.reflection_share == 0.0
                 );
@@ -300,7 +300,7 @@ fn hazard_30_disarming_ramps_torque_to_zero_within_50_ms() {
             .collect();
         let steps = shares.windows(2).map(|pair| pair[0] - pair[1]);
         assert!(steps.into_iter().all(|by| (by - 0.02).abs() < 1e-9), "{shares:?}");
-        safety.permit(at(2_051), true);
+        safety.advance(at(2_051), true);
         assert_eq!(safety.mode(), after);
         assert!(!safety.allows_torque());
     }
@@ -314,32 +314,32 @@ fn hazard_30_disarming_ramps_torque_to_zero_within_50_ms() {
 #[test]
 fn fault_during_the_ramp_down_ends_torque_at_once() {
     let mut safety = engaged();
-    safety.permit(at(2_000), true);
+    safety.advance(at(2_000), true);
     safety.disarm();
-    safety.permit(at(2_010), true);
+    safety.advance(at(2_010), true);
     safety.raise(at(2_011), Cause::GripOverspeed);
     assert!(!safety.allows_torque());
-    assert!(safety.permit(at(2_012), true).gravity_share == 0.0);
+    assert!(safety.advance(at(2_012), true).gravity_share == 0.0);
 }
 
 #[test]
 fn zero_torque_becomes_drives_off_after_100_ms() {
     let mut safety = in_mode(Mode::ZeroTorque);
-    assert!(safety.permit(at(102), false).drives_on);
-    assert!(!safety.permit(at(103), false).drives_on);
+    assert!(safety.advance(at(102), false).drives_on);
+    assert!(!safety.advance(at(103), false).drives_on);
 }
 
 #[test]
 fn reflection_off_keeps_gravity_compensation_until_a_reset() {
     let mut safety = engaged();
-    safety.permit(at(2_000), true);
+    safety.advance(at(2_000), true);
     safety.raise(at(2_001), Cause::LinkLost);
-    let permit = safety.permit(at(2_002), true);
+    let permit = safety.advance(at(2_002), true);
     assert_eq!((permit.mode, permit.engaged), (Mode::ReflectionOff, false));
     assert!((permit.gravity_share - 1.0).abs() < 1e-12 && permit.reflection_share == 0.0);
     assert!(safety.reset(at(3_000)).is_ok());
     assert_eq!(safety.mode(), Mode::Armed);
-    assert!((safety.permit(at(3_001), true).gravity_share - 1.0).abs() < 1e-12, "no new ramp");
+    assert!((safety.advance(at(3_001), true).gravity_share - 1.0).abs() < 1e-12, "no new ramp");
 }
 
 #[test]

@@ -15,13 +15,13 @@ use units::time::Instant;
 
 /// Newest valid sample of the commanded side.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct NewestSample {
+pub(super) struct NewestRemoteSample {
     /// Maximum age of a sample.
     timeout: Duration,
     sample: Option<RemoteSample>,
 }
 
-impl NewestSample {
+impl NewestRemoteSample {
     /// Returns the age watch before the first sample. `timeout` is the maximum age of a sample.
     pub(super) const fn new(timeout: Duration) -> Self {
         Self { timeout, sample: None }
@@ -115,7 +115,7 @@ mod tests {
             }
             bad.x_b_m.rotation = Unit::new_unchecked(quaternion);
             let now = at(5_000 + after);
-            let mut newest = NewestSample::new(TIMEOUT);
+            let mut newest = NewestRemoteSample::new(TIMEOUT);
             newest.update(at(5_000), Some(good));
             newest.update(now, Some(bad));
             prop_assert_eq!((newest.f_s(), newest.x_b_m()), (good.f_s, good.x_b_m));
@@ -127,7 +127,7 @@ mod tests {
             stamp in 0..1_000_000_u64, timeout in 5_000..100_000_u64,
             age in 0..300_000_u64, later in 0..300_000_u64,
         ) {
-            let mut newest = NewestSample::new(Duration::from_micros(timeout));
+            let mut newest = NewestRemoteSample::new(Duration::from_micros(timeout));
             newest.update(at(stamp), Some(sensed(at(stamp), 1.0)));
             let lost = |age: u64| newest.lost(at(stamp + age)).is_some();
             prop_assert!(!lost(age) || lost(age + later));
@@ -138,7 +138,7 @@ mod tests {
         fn hazard_36_newest_sample_is_kept_in_any_order(
             stamps in prop::collection::vec(0..1_000_u64, 1..30),
         ) {
-            let mut newest = NewestSample::new(TIMEOUT);
+            let mut newest = NewestRemoteSample::new(TIMEOUT);
             let now = at(1_000);
             for stamp in &stamps {
                 newest.update(now, Some(sensed(at(*stamp), Duration::from_micros(*stamp).as_secs_f64())));
@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn gripper_out_of_range_is_dropped_alone() {
         for position in [f64::NAN, f64::INFINITY, -1.1e3] {
-            let mut newest = NewestSample::new(TIMEOUT);
+            let mut newest = NewestRemoteSample::new(TIMEOUT);
             let good = sensed(at(1_000), 3.0);
             let gripper = Some(Gripper { position, force: 1.0 });
             newest.update(at(1_000), Some(RemoteSample { gripper, ..good }));
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn wrench_is_zero_and_the_link_lost_before_the_first_sample() {
-        let mut newest = NewestSample::new(TIMEOUT);
+        let mut newest = NewestRemoteSample::new(TIMEOUT);
         newest.update(at(0), None);
         assert_eq!((newest.f_s(), newest.lost(at(0))), (Wrench::ZERO, Some(Cause::LinkLost)));
     }
@@ -182,14 +182,14 @@ mod tests {
 
     #[test]
     fn sample_from_the_future_is_dropped() {
-        let mut newest = NewestSample::new(TIMEOUT);
+        let mut newest = NewestRemoteSample::new(TIMEOUT);
         newest.update(at(10), Some(sensed(at(11), 1.0)));
         assert_eq!(newest.f_s(), Wrench::ZERO);
     }
 
     #[test]
     fn hazard_35_repeated_sample_becomes_stale() {
-        let mut newest = NewestSample::new(TIMEOUT);
+        let mut newest = NewestRemoteSample::new(TIMEOUT);
         let frozen = sensed(at(1_000), 1.0);
         let lost_at = (1..).map(|cycle| at(cycle * 1_000)).find(|now| {
             newest.update(*now, Some(frozen));

@@ -133,20 +133,6 @@ mod tests {
             prop_assert!(!lost(age) || lost(age + later));
             prop_assert_eq!(lost(age), age > timeout);
         }
-
-        #[test]
-        fn hazard_36_newest_sample_is_kept_in_any_order(
-            stamps in prop::collection::vec(0..1_000_u64, 1..30),
-        ) {
-            let mut newest = NewestRemoteSample::new(TIMEOUT);
-            let now = at(1_000);
-            for stamp in &stamps {
-                newest.update(now, Some(sensed(at(*stamp), Duration::from_micros(*stamp).as_secs_f64())));
-            }
-            let latest = stamps.iter().max().unwrap();
-            let force = Duration::from_micros(*latest).as_secs_f64();
-            prop_assert_eq!(newest.f_s(), sensed(at(*latest), force).f_s);
-        }
     }
 
     #[test]

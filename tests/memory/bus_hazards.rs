@@ -1,10 +1,10 @@
-//! The hazards of the bus, the adapter and the host (21 to 26, 28, 29 and 31), at several phases of a cycle: the
+//! The hazards of the bus, the adapter and the host (21 to 26, 28 and 29), at several phases of a cycle: the
 //! reaction of the node, and the time until the drives are torque-free.
 
 use proptest::prelude::*;
 
 use crate::common::prelude::*;
-use faults::{Disturbance, Fault, HostFault, Target};
+use faults::{Disturbance, Fault, HostFault};
 use node::cause::CauseKind;
 
 const BUS: Channel = Channel(0);
@@ -297,30 +297,6 @@ fn hazard_29_repeated_late_cycles_stop_the_node() {
     assert!(run.zero_after() <= 7_000, "{} µs: three late wake-ups in a row", run.zero_after());
     let once = Run::with(&faults[..2]).cycles(40);
     assert_eq!(once.end(), (None, Mode::Engaged));
-}
-
-#[test]
-fn hazard_31_suspended_host_switches_the_drives_off() {
-    for phase in PHASES {
-        let suspended = of_host(phase, HostFault::Suspended(None), Duration::from_millis(40));
-        let run = Run::with(&[suspended]).cycles(10);
-        assert_eq!(run.end(), (Some(CauseKind::Suspended), Mode::DrivesOff), "{phase}");
-    }
-}
-
-#[test]
-fn hazard_31_wall_clock_may_be_set_at_any_moment() {
-    let steps = [0, 3_000_000, 2_000_000_000].map(Duration::from_secs);
-    let set = |(at, wall)| {
-        let set = faults::FaultKind::Host(HostFault::ClockSet(wall));
-        Fault::new(Duration::from_micros(at), Target::Host, set)
-    };
-    let set: Vec<Fault> = (250..).step_by(7_000).zip(steps).map(set).collect();
-    let (set, plain) = (Run::with(&set).cycles(40), Run::with(&[]).cycles(40));
-    assert_eq!(set.end(), (None, Mode::Engaged));
-    for (set, plain) in set.records.iter().zip(&plain.records) {
-        assert_eq!((set.at, set.targets), (plain.at, plain.targets));
-    }
 }
 
 #[test]

@@ -353,22 +353,6 @@ fn command_of_an_older_epoch_has_no_effect() {
 }
 
 #[test]
-fn hazard_37_second_node_does_not_lead() {
-    let mut ends = Ends::usual();
-    let mut second = NodeEnd::new(ARM, 33);
-    second.begin_epoch();
-    for _ in 0..300 {
-        let now = ends.now();
-        let order = Order { motion: ahead(-0.2), is_engaged: true, gripper: None };
-        let command = second.command(now, &order);
-        ends.far.on_message(now, &command);
-        ends.exchange(ahead(0.05), |it| it);
-    }
-    assert_eq!((ends.far.leader(), ends.far.reason()), ((11, 1), Reason::None));
-    assert_eq!(ends.far.status().rejects.get(Reject::NotLeader), 300);
-}
-
-#[test]
 fn node_started_again_leads_after_an_arming() {
     let mut ends = Ends::usual();
     ends.run(ahead(0.05), 200);

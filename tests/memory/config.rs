@@ -1,7 +1,5 @@
 //! Invalid configurations: each is refused with file, line and key.
 
-use proptest::prelude::*;
-
 use crate::common::prelude::*;
 use crate::common::refusals::{are_refused, with_value};
 
@@ -315,19 +313,6 @@ fn empty_or_incomplete_configuration_is_refused() {
         &KRAFT_TEXT[switches..]
     );
     assert!(refusal(KRAFT, &one).contains("joint: 1 joints; a hand controller has 6"));
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
-
-    #[test]
-    fn corrupted_configuration_is_parsed_or_refused(at in 0..KRAFT_TEXT.len(), byte in 0x20..0x7F_u8) {
-        let mut bytes = KRAFT_TEXT.as_bytes().to_vec();
-        bytes[at] = byte;
-        if let Ok(text) = String::from_utf8(bytes) {
-            Config::parse(Path::new(KRAFT), &text).ok();
-        }
-    }
 }
 
 /// Returns the files of config/ and config/drives/.

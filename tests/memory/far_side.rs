@@ -161,19 +161,6 @@ fn restarted_far_side_is_felt_after_a_reset_alone() {
 }
 
 #[test]
-fn stopped_far_side_acts_on_nothing_of_its_backlog() {
-    let (mut node, handle) = booted("kraft_like", LINK, Network::default());
-    reflected_after(&mut node, || handle.is_stopped.set(true));
-    let before = *node.remote().site.pose();
-    cycles(&mut node, 2_000);
-    handle.is_stopped.set(false);
-    cycles(&mut node, 200);
-    let moved = (before.inverse() * node.remote().site.pose()).translation.vector.norm();
-    assert!(moved < 1e-3, "{moved} m");
-    assert_eq!(node.remote().far.reason(), Reason::Silence);
-}
-
-#[test]
 fn hazard_48_slow_link_stops_while_engaged_and_names_both_times() {
     let keys = "round_trip_ms = 5.0\nmax_age_ms = 20.0\nstiffest_contact_n_per_m = 2000.0";
     let network = Network { delay: MS * 4, ..Network::default() };

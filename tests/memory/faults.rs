@@ -45,18 +45,6 @@ fn hazard_08_statusword_alone_stops_all_within_12_cycles() {
 }
 
 #[test]
-fn silent_drive_zeroes_all_torques_within_five_cycles() {
-    let (mut bench, wire, onset) = in_contact();
-    bench.world_mut().drive_mut(Joint::of::<4>()).unwrap().unplug();
-    let record = until(&mut bench, |record| record.mode.is_stopped());
-    assert_eq!(record.cause, Some(Cause::SamplesMissing { joint: Joint::of::<4>(), cycles: 3 }));
-    bench.run(150);
-    assert!(cycles_to_zero(&wire, onset) <= 5);
-    assert!(bench.ask(Request::Reset).is_err(), "a drive that is not there cannot be booted");
-    assert!(bench.node().mode().is_stopped());
-}
-
-#[test]
 fn stop_is_cleared_only_by_reset_and_a_new_press() {
     let (mut bench, _, _) = in_contact();
     bench.world_mut().drive_mut(Joint::of::<2>()).unwrap().fail();
@@ -87,26 +75,4 @@ fn silent_node_lets_the_drives_stop_by_their_timers() {
         assert!(at.since(fell_silent) <= Duration::from_millis(7), "{:?}", at.since(fell_silent));
     }
     assert!(bench.node().bus().stations().torques().amax() < 1e-12);
-}
-
-#[test]
-fn second_run_boots_like_the_first() {
-    let (mut bench, _, _) = in_contact();
-    bench.shut_down().unwrap();
-    bench.fall_silent_for(Duration::from_secs(1));
-    bench.bring_up().unwrap();
-    assert_eq!(bench.node().mode(), Mode::Ready);
-}
-
-#[test]
-fn orderly_stop_switches_every_drive_off() {
-    let (mut bench, wire, _) = in_contact();
-    bench.shut_down().unwrap();
-    for group in [0x201, 0x204] {
-        assert_eq!(wire.since(Instant::ZERO, group).last().unwrap().1.data(), [0; 6]);
-    }
-    for node in 1..=6 {
-        let (_, last) = *wire.since(Instant::ZERO, 0x300 + node).last().unwrap();
-        assert_eq!(last.data(), [0, 0]);
-    }
 }

@@ -76,7 +76,6 @@ pub(crate) type Peer = Box<dyn FnMut(Instant, &mut FarEnd, Vec<Vec<u8>>) -> Vec<
 #[derive(Default)]
 pub(crate) struct Handle {
     pub(crate) hold: Cell<Option<Reason>>,
-    pub(crate) is_stopped: Cell<bool>,
     pub(crate) is_cut: Cell<bool>,
     /// It follows no command, and does not say so.
     pub(crate) is_blocked: Cell<bool>,
@@ -150,9 +149,6 @@ impl LinkedSide {
             if !self.handle.is_cut.get() {
                 self.there.send(now, &buffer[..length]);
             }
-        }
-        if self.handle.is_stopped.get() {
-            return;
         }
         let before = self.far.leader();
         for message in self.there.arrived(now) {

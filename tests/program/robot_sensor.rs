@@ -115,17 +115,3 @@ fn bias_without_a_sensor_is_refused() {
         ended.stderr
     );
 }
-
-#[test]
-fn check_refuses_a_sensor_without_a_scale_by_its_key() {
-    let scratch = Scratch::new("robot-scale");
-    for (keys, key) in [
-        ("counts_per_n = 0.0\ncounts_per_nm = 1e6", "remote.link.sensor.counts_per_n: must be"),
-        ("counts_per_n = 1e6\ncounts_per_nm = nan", "remote.link.sensor.counts_per_nm: must be"),
-    ] {
-        let config = with_sensor(&scratch, &format!("address = \"192.168.1.1\"\n{keys}"));
-        let ended = frhc(&["check", "--config", &config]);
-        assert_eq!((ended.code, ended.stderr.lines().count()), (3, 1), "{}", ended.stderr);
-        assert!(ended.stderr.contains(key), "{key}: {}", ended.stderr);
-    }
-}

@@ -20,6 +20,11 @@ fn moving() -> (Bench<Wire>, Wire) {
     (started(&config(KRAFT), script(MOVES), wire.clone()), wire)
 }
 
+/// Returns whether the frame has target torques: RPDO1 of a group of three drives.
+fn is_torque(frame: &Frame) -> bool {
+    [0x201, 0x204].contains(&frame.cob_id)
+}
+
 /// Stops the node and checks the order of its frames: zero torque, disable voltage, pre-operational, and no other
 /// controlword.
 fn stops_in_order(bench: &mut Bench<Wire>, wire: &Wire) {
@@ -35,7 +40,6 @@ fn stops_in_order(bench: &mut Bench<Wire>, wire: &Wire) {
     let frames = wire.all();
     let late =
         frames.iter().filter(|(at, _)| *at > ramped_down).map(|(_, telegram)| telegram.frame);
-    let is_torque = |frame: &Frame| [0x201, 0x204].contains(&frame.cob_id);
     assert!(late.filter(is_torque).all(|frame| frame.data() == [0; 6]));
     let mut torques = frames.iter().map(|(_, telegram)| telegram.frame).filter(is_torque);
     assert_eq!(torques.next_back().unwrap().data(), [0; 6]);
@@ -81,6 +85,27 @@ fn hazard_30_stop_is_orderly_within_a_second_from_every_mode() {
         }
         stops_in_order(&mut bench, &wire);
     }
+}
+
+#[test]
+fn hazard_30_orderly_stop_ramps_torque_down_in_50_ms() {
+    let (mut bench, wire) = moving();
+    until(&mut bench, |record| record.mode == Mode::Engaged);
+    // Gravity compensation has come on over 1 s.
+    bench.run(1_100);
+    let requested = bench.node().bus().now();
+    wire.clear();
+    bench.shut_down().unwrap();
+    // The elbow's target is the third of the first group.
+    let targets = wire.all().into_iter().filter(|(_, telegram)| telegram.frame.cob_id == 0x201);
+    let elbow = targets.map(|(at, telegram)| {
+        let target = i16::from_le_bytes(telegram.frame.data()[4..6].try_into().unwrap());
+        (at.since(requested), target.abs())
+    });
+    let at = |ms: u32| elbow.clone().find(|(since, _)| *since >= MS * ms).unwrap().1;
+    assert!(at(0) > 30, "{}", at(0));
+    assert!((at(0) / 4..at(0)).contains(&at(25)), "{} to {} in 25 ms", at(0), at(25));
+    assert_eq!(at(52), 0);
 }
 
 #[test]

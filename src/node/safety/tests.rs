@@ -3,6 +3,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::cause::ResetReason;
 use crate::joint_reading::JointReading;
+use crate::reaction::Initiator;
 use canopen::object::Object;
 use canopen::{NmtState, error_codes};
 use config::NoSwitchBox;
@@ -165,7 +166,7 @@ fn active_cause_refuses_a_reset_unless_the_reset_clears_it() {
         safety.raise(at(LATER), cause);
         let row = kind.row();
         let answer = safety.reset(at(LATER + 20));
-        if row.reset_boots || row.is_reset_in_drive() {
+        if row.reset_boots || row.initiator == Initiator::Drive {
             assert_eq!(answer.map(|stop| stop.must_boot), Ok(row.reset_boots), "{kind:?}");
         } else {
             assert_eq!(answer, Err(Refusal::CauseActive(cause)), "{kind:?}");

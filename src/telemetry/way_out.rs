@@ -38,7 +38,8 @@ pub fn of_stop(
         Some((_, true)) => "`frhc ctl reset` ends the stop, and resets the fault of the drive once.".to_owned(),
         Some((false, false)) | None => "`frhc ctl reset` ends the stop; it is refused while the cause is present.".to_owned(),
     });
-    steps.push(format!("`frhc ctl arm` if the node is ready, not armed; then {PRESS_DEADMAN}"));
+    let arm = "`frhc ctl arm` with the deadman released, if the node is ready, not armed";
+    steps.push(format!("{arm}; then {PRESS_DEADMAN}"));
     steps
 }
 

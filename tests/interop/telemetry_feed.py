@@ -33,7 +33,7 @@ WAY_OUT = [
     "The drives of elbow did not report that they are off. Such a drive may push: press the emergency stop, which cuts its power by wire.",
     "Remove the cause at elbow: position samples of a drive missing for several cycles in a row.",
     "frhc ctl reset ends the stop; it boots the network again, since a node may have lost its configuration.",
-    "frhc ctl arm if the node is ready, not armed; then release the deadman and press it again: both contacts open for 25 ms, then closed for 25 ms.",
+    "frhc ctl arm with the deadman released, if the node is ready, not armed; then release the deadman and press it again: both contacts open for 25 ms, then closed for 25 ms.",
 ]
 HOSTILE = ["<img src=x onerror=alert(1)>", "&amp;\u202egnirts", "\x00\x1b[31m\n\t", "a" * 1000, "\U0001f9be \"'`${1}", "</script><b>"]
 

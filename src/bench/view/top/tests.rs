@@ -47,7 +47,7 @@ fn stopped() -> State {
         "Remove the cause at elbow: position samples of a drive missing for several cycles in a row.",
         "`frhc ctl status` shows the cause while it is present.",
         "`frhc ctl reset` ends the stop. It boots the network again, since a node may have lost its configuration, and fails while the cause is present.",
-        "`frhc ctl arm` if the node is ready, not armed; then release the deadman and press it again: both contacts open for 25 ms, then closed for 25 ms."
+        "`frhc ctl arm` with the deadman released, if the node is ready, not armed; then release the deadman and press it again: both contacts open for 25 ms, then closed for 25 ms."
     ]);
     snapshot["not_off"] = json!([3, 6]);
     snapshot["sampled"][2] = json!(false);

@@ -4,14 +4,15 @@
 //! | fact           | verified by                                                        |
 //! |----------------|--------------------------------------------------------------------|
 //! | sign           | 607Eh                                                              |
-//! | position scale | 608Fh and 6091h; not by 1:1 in 608Fh or 6093h: unused ones read so |
+//! | position scale | the objects that [`position_scale`](crate::nameplate::position_scale) names |
 //! | torque unit    | 6076h, or 6075h where the rated current is configured              |
 
 use std::fmt;
 
 use derive_more::Display;
 
-use crate::nameplate::{Nameplate, Ratio, StoredValue};
+use crate::nameplate::position_scale::PositionScale;
+use crate::nameplate::{Nameplate, StoredValue};
 use crate::object::Object;
 
 /// Property of a drive that gives its samples or set-points their meaning.
@@ -45,7 +46,9 @@ impl Fact {
     pub const fn objects(self) -> &'static str {
         match self {
             Self::Sign => "607Eh",
-            Self::PositionScale => "608Fh other than 1:1, and 6091h",
+            Self::PositionScale => {
+                "6091h, with 608Fh and 6092h other than 1:1 or an angle in 60A8h"
+            }
             Self::TorqueUnit => "6076h, or 6075h with rated_current_a",
         }
     }
@@ -59,7 +62,11 @@ pub struct Evidence(&'static [Object]);
 impl fmt::Display for Evidence {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (place, object) in self.0.iter().enumerate() {
-            let and = if place > 0 { " and " } else { "" };
+            let and = match place {
+                0 => "",
+                _ if place + 1 == self.0.len() => " and ",
+                _ => ", ",
+            };
             write!(f, "{and}{}", Object { sub: 0, ..*object })?;
         }
         Ok(())
@@ -69,50 +76,50 @@ impl fmt::Display for Evidence {
 impl Nameplate {
     /// Returns the evidence for a fact in a drive with these objects; `None` if the fact is stated only.
     pub fn planned_evidence(&self, fact: Fact, has: impl Fn(Object) -> bool) -> Option<Evidence> {
-        self.evidence(fact, has, self.encoder.first().copied())
+        self.evidence(fact, &has, self.scale.planned_evidence(&has))
     }
 
     /// Returns the evidence for a fact in the values that the boot has read; `None` if the fact is stated only.
     pub fn found_evidence(&self, fact: Fact, held: &[StoredValue]) -> Option<Evidence> {
-        let value = |object: Object| held.iter().find(|it| it.object == object).map(|it| it.value);
-        let revolutions = value(Object::ENCODER_REVOLUTIONS).unwrap_or(1);
-        let encoder = value(Object::ENCODER_INCREMENTS).map(|of| Ratio(of, revolutions));
-        self.evidence(fact, |object| value(object).is_some(), encoder)
+        let has = |object| held.iter().any(|it| it.object == object);
+        self.evidence(fact, has, PositionScale::found_evidence(held))
     }
 
     fn evidence(
         &self,
         fact: Fact,
         has: impl Fn(Object) -> bool,
-        encoder: Option<Ratio>,
+        scale: &'static [Object],
     ) -> Option<Evidence> {
-        const ENCODER: &[Object] = &[Object::ENCODER_INCREMENTS, Object::GEAR_MOTOR_REVOLUTIONS];
-        const CURRENT: &[Object] = &[Object::RATED_CURRENT];
-        let has_all = |objects: &[Object]| objects.iter().all(|object| has(*object));
-        let candidates: &[(&[Object], bool)] = match fact {
-            Fact::Sign => &[(&[Object::POLARITY], true)],
-            Fact::PositionScale => &[(ENCODER, encoder != Some(Ratio::ONE))],
-            Fact::TorqueUnit => {
-                &[(&[Object::RATED_TORQUE], true), (CURRENT, self.rated_current.is_some())]
+        let objects: &[Object] = match fact {
+            Fact::Sign if has(Object::POLARITY) => &[Object::POLARITY],
+            Fact::PositionScale => scale,
+            Fact::TorqueUnit if has(Object::RATED_TORQUE) => &[Object::RATED_TORQUE],
+            Fact::TorqueUnit if self.rated_current.is_some() && has(Object::RATED_CURRENT) => {
+                &[Object::RATED_CURRENT]
             }
+            Fact::Sign | Fact::TorqueUnit => &[],
         };
-        let mut verifying =
-            candidates.iter().filter(|(objects, applies)| *applies && has_all(objects));
-        verifying.next().map(|(objects, _)| Evidence(objects))
+        (!objects.is_empty()).then_some(Evidence(objects))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nameplate::Rating;
+    use crate::nameplate::units::SiUnit;
+    use crate::nameplate::{Rating, Ratio};
 
     fn nameplate(rated_current: Option<Rating>) -> Nameplate {
         Nameplate {
             polarity: 0,
-            encoder: vec![Ratio(16_384, 1), Ratio::ONE],
-            gear: Ratio::ONE,
-            feed: vec![Ratio::ONE],
+            scale: PositionScale {
+                counts: 16_384,
+                unit: SiUnit::INCREMENTS,
+                encoder: None,
+                gear: Ratio::ONE,
+                feed: None,
+            },
             rated_current,
             rated_torque: Rating { value: 176.5, unit: "mN·m" },
             units: crate::nameplate::units::Units::default(),
@@ -158,7 +165,8 @@ mod tests {
         assert!(found(16_384, gear));
         assert!(!found(1, gear));
         assert!(!found(16_384, None));
-        let unused = Nameplate { encoder: vec![Ratio::ONE], ..nameplate(None) };
+        let mut unused = nameplate(None);
+        unused.scale.encoder = Some(Ratio::ONE);
         assert_eq!(unused.planned_evidence(Fact::PositionScale, |_| true), None);
     }
 

@@ -7,22 +7,21 @@
 //! | object       | expected                                              |
 //! |--------------|-------------------------------------------------------|
 //! | 607Eh        | polarity of the plan                                  |
-//! | 608Fh        | encoder resolution of the plan, or 1:1 for unused     |
-//! | 6091h        | gear ratio of the plan                                |
-//! | 6092h        | feed constant of the plan                             |
 //! | 6090h        | anything: only that it does not change                |
 //! | 6075h, 6076h | ratings of the plan, to within 1 % or one unit        |
 //! | 60E0h, 60E1h | the capacity of the joint, or more                    |
 //! | 60AAh        | anything, and it is not read again                    |
 //! | 6502h        | cyclic synchronous torque                             |
 //!
-//! [`units`] has 60A8h, 60A9h, 6093h, 6094h and 607Bh.
+//! [`position_scale`] has 608Fh, 6091h and 6092h, [`units`] 60A8h, 60A9h, 6093h, 6094h and 607Bh.
 
+pub mod position_scale;
 pub mod units;
 
 use derive_more::Display;
 use thiserror::Error;
 
+use crate::nameplate::position_scale::PositionScale;
 use crate::nameplate::units::{SiUnit, Units};
 use crate::object::Object;
 use crate::sdo::Content;
@@ -47,6 +46,11 @@ impl Ratio {
         let (of, to) = (u64::from(self.0) * u64::from(factor), u64::from(self.1));
         let divisor = common_divisor(of, to).max(1);
         Some(Self(u32::try_from(of / divisor).ok()?, u32::try_from(to / divisor).ok()?))
+    }
+
+    /// Returns the quotient; infinite or NaN for a ratio to zero.
+    pub fn value(self) -> f64 {
+        f64::from(self.0) / f64::from(self.1)
     }
 }
 
@@ -93,19 +97,15 @@ impl Rating {
 pub struct Nameplate {
     /// Polarity (607Eh).
     pub polarity: u8,
-    /// Accepted encoder resolutions (608Fh), the usual one first.
-    pub encoder: Vec<Ratio>,
-    /// Gear ratio (6091h).
-    pub gear: Ratio,
-    /// Accepted feed constants (6092h), the usual one first.
-    pub feed: Vec<Ratio>,
+    /// Counts of 6064h (608Fh, 6091h, 6092h, 60A8h).
+    pub scale: PositionScale,
     /// Rated current (6075h), if the configuration has it.
     pub rated_current: Option<Rating>,
     /// Rated torque (6076h).
     pub rated_torque: Rating,
     /// Capacity of the joint in per mille of rated torque, which 60E0h and 60E1h must allow; `None` compares neither.
     pub capacity: Option<u16>,
-    /// Units and range of positions (60A8h, 60A9h, 607Bh).
+    /// Velocity unit and range of positions (60A9h, 607Bh).
     pub units: Units,
     /// Supported modes (6502h) as the configuration states them; `None` expects cyclic synchronous torque among them.
     pub modes: Option<u32>,
@@ -165,11 +165,6 @@ pub struct NameplateMisfit {
 
 const POLARITY: &str = "set it with the maker's tool or [[joint.boot.write]], or state it as drive_polarity and check the \
     sign of gear_ratio";
-const ENCODER: &str = "correct encoder_counts_per_rev, or state the drive's value as drive_encoder";
-const GEAR: &str = "set it with the maker's tool or [[joint.boot.write]], or state it as drive_gear and give \
-    encoder_counts_per_rev in units of 6064h";
-const FEED: &str = "set it with the maker's tool or [[joint.boot.write]], or state it as drive_feed and give \
-    encoder_counts_per_rev in units of 6064h";
 const CURRENT: &str = "set it with the maker's tool, or correct rated_current_a";
 const TORQUE: &str =
     "set it with the maker's tool, or correct rated_torque_nm or rated_torque_unit";
@@ -211,11 +206,8 @@ impl Nameplate {
     /// # Errors
     /// Returns the first value that differs.
     pub fn judge(&self, held: &[StoredValue]) -> Result<(), NameplateMisfit> {
-        self.units.judge(held)?;
+        self.units.judge(held, self.scale.unit)?;
         let value = |object: Object| held.iter().find(|it| it.object == object).map(|it| it.value);
-        let ratio = |of: Object| {
-            Some(Ratio(value(of)?, value(Object { sub: of.sub + 1, ..of }).unwrap_or(1)))
-        };
         let misfit = |name, object: Object, found, expected, remedy| {
             let object = Object { sub: 0, ..object };
             Err(NameplateMisfit { name, object, found, expected, remedy })
@@ -226,17 +218,7 @@ impl Nameplate {
             let found = format!("{found:02X}h");
             return misfit("polarity", Object::POLARITY, found, expected, POLARITY);
         }
-        let gear = [self.gear];
-        for (name, object, expected, remedy) in [
-            ("encoder resolution", Object::ENCODER_INCREMENTS, &self.encoder[..], ENCODER),
-            ("gear ratio", Object::GEAR_MOTOR_REVOLUTIONS, &gear[..], GEAR),
-            ("feed constant", Object::FEED, &self.feed[..], FEED),
-        ] {
-            if let Some(found) = ratio(object).filter(|found| !expected.contains(found)) {
-                let expected: Vec<_> = expected.iter().map(Ratio::to_string).collect();
-                return misfit(name, object, found.to_string(), expected.join(" or "), remedy);
-            }
-        }
+        self.scale.judge(held)?;
         for (name, object, expected, remedy) in [
             ("rated current", Object::RATED_CURRENT, self.rated_current, CURRENT),
             ("rated torque", Object::RATED_TORQUE, Some(self.rated_torque), TORQUE),
@@ -288,18 +270,18 @@ const RANGE: &str = "widen it, or set both to 0, with the maker's tool or [[join
     (limit_m) or zero_counts";
 
 impl Units {
-    /// Compares the values read from a drive; absent objects pass.
+    /// Compares the values read from a drive with a position unit and the others; absent objects pass.
     ///
     /// # Errors
     /// Returns the first value that differs.
-    fn judge(&self, held: &[StoredValue]) -> Result<(), NameplateMisfit> {
+    fn judge(&self, held: &[StoredValue], position: SiUnit) -> Result<(), NameplateMisfit> {
         let value = |object: Object| held.iter().find(|it| it.object == object).map(|it| it.value);
         let misfit = |name, object: Object, found, expected, remedy| {
             let object = Object { sub: 0, ..object };
             Err(NameplateMisfit { name, object, found, expected, remedy })
         };
         for (name, object, expected, remedy) in [
-            ("position unit", Object::POSITION_UNIT, Some(self.position), POSITION_UNIT),
+            ("position unit", Object::POSITION_UNIT, Some(position), POSITION_UNIT),
             ("velocity unit", Object::VELOCITY_UNIT, self.velocity, VELOCITY_UNIT),
         ] {
             let units = value(object).map(SiUnit).zip(expected);
@@ -349,9 +331,13 @@ mod tests {
     fn nameplate() -> Nameplate {
         Nameplate {
             polarity: 0,
-            encoder: vec![Ratio(16_384, 1), Ratio::ONE],
-            gear: Ratio::ONE,
-            feed: vec![Ratio::ONE, Ratio(16_384, 1)],
+            scale: PositionScale {
+                counts: 16_384,
+                unit: SiUnit::INCREMENTS,
+                encoder: None,
+                gear: Ratio::ONE,
+                feed: None,
+            },
             rated_current: None,
             rated_torque: Rating { value: 176.5, unit: "mN·m" },
             capacity: Some(800),
@@ -392,13 +378,6 @@ mod tests {
         assert_eq!(gear(5_308_416, 5_308_416), "");
         assert!(gear(2, 1).starts_with("gear ratio (6091h) is 2:1, expected 1:1: "));
         assert!(gear(1, 0).contains("is 1:0"), "and zero equals nothing");
-        let encoder = |of| {
-            judged(&[held(Object::ENCODER_INCREMENTS, of), held(Object::ENCODER_REVOLUTIONS, 1)])
-        };
-        assert_eq!((encoder(16_384), encoder(1)), (String::new(), String::new()));
-        assert!(encoder(4_096).contains("is 4096:1, expected 16384:1 or 1:1"));
-        let text = judged(&[held(Object::FEED, 3_600)]);
-        assert!(text.contains("6092h) is 3600:1, expected 1:1 or 16384:1"), "{text}");
     }
 
     #[test]
@@ -464,9 +443,10 @@ mod tests {
     fn judged_units(held: &[(Object, u32)]) -> String {
         let held: Vec<_> =
             held.iter().map(|&(object, value)| StoredValue { object, value, size: 4 }).collect();
-        let units =
-            Units { velocity: Some(SiUnit::RPM), range: Some([-200, 300]), ..Units::default() };
-        units.judge(&held).map_or_else(|misfit| misfit.to_string(), |()| String::new())
+        let units = Units { velocity: Some(SiUnit::RPM), range: Some([-200, 300]) };
+        units
+            .judge(&held, SiUnit::INCREMENTS)
+            .map_or_else(|misfit| misfit.to_string(), |()| String::new())
     }
 
     #[test]
@@ -486,10 +466,10 @@ mod tests {
             "{text}"
         );
         assert!(text.contains("drive_position_unit"), "{text}");
-        let stated = Units { position: SiUnit(0xFF41_0000), ..Units::default() };
+        let stated = SiUnit(0xFF41_0000);
         let held = |value| [StoredValue { object: Object::POSITION_UNIT, value, size: 4 }];
-        assert_eq!(stated.judge(&held(0xFF41_0000)), Ok(()));
-        assert!(stated.judge(&held(0x00B5_0000)).is_err());
+        assert_eq!(Units::default().judge(&held(0xFF41_0000), stated), Ok(()));
+        assert!(Units::default().judge(&held(0x00B5_0000), stated).is_err());
     }
 
     #[test]
@@ -497,7 +477,7 @@ mod tests {
         let text = judged_units(&[(Object::VELOCITY_UNIT, 0xFDB4_4700)]);
         assert!(text.contains("is FDB44700h (10^-3 rpm), expected 00B44700h (rpm)"), "{text}");
         let held = [StoredValue { object: Object::VELOCITY_UNIT, value: 0, size: 4 }];
-        assert_eq!(Units::default().judge(&held), Ok(()));
+        assert_eq!(Units::default().judge(&held, SiUnit::INCREMENTS), Ok(()));
     }
 
     #[test]

@@ -85,7 +85,7 @@ impl fmt::Display for Facts {
 pub enum FactsError {
     /// Facts stated only and not accepted, the same for all of `joints`.
     #[error(
-        "{}: {} stated only, as the drive has no object that the boot could compare ({}); check by hand, then \
+        "{}: {} stated only, as no object of the drive verifies this ({}); check by hand, then \
          accept by accept_stated_only = [{}]{} in each [[joint]]: at most half of the force is then allowed",
         joints.join(", "), names(facts), objects(facts), keys(facts), rest(facts)
     )]

@@ -6,8 +6,14 @@ use crate::plant::{Actuator, Friction, JointPlant};
 use crate::rest::Rest;
 use crate::units::Units;
 use crate::{bodies, raw, simulated};
-use controller::arm::Link;
+use controller::arm::{JointKind, Link};
 use toml_input::List;
+
+/// Maximum angle of one count of 6064h, in degrees of a revolute joint.
+const MAX_COUNT_DEG: f64 = 0.1;
+
+/// Maximum length of one count of 6064h, in mm of a prismatic joint.
+const MAX_COUNT_MM: f64 = 0.1;
 
 /// Reads the joint with its range, rest position and `actuator`. Returns `None` after a problem.
 pub(super) fn read(
@@ -37,6 +43,7 @@ pub(super) fn actuator(joint: &raw::Joint, of: &mut Units<'_, '_>) -> Option<Act
     let max_torque = max_torque.and_then(|value| of.problems.positive(value));
     let rated_torque = of.problems.within(&joint.rated_torque_nm, 1e-3..=4e6);
     let List(torque_curve) = joint.torque_curve.get()?;
+    check_resolution(joint, of);
     Some(Actuator {
         counts_per_rev: joint.encoder_counts_per_rev.get()?,
         gear_ratio: joint.gear_ratio.get()?,
@@ -45,6 +52,23 @@ pub(super) fn actuator(joint: &raw::Joint, of: &mut Units<'_, '_>) -> Option<Act
         max_torque: max_torque?,
         torque_curve,
     })
+}
+
+/// Refuses a joint whose position is coarser than 0.1° or 0.1 mm.
+fn check_resolution(joint: &raw::Joint, of: &mut Units<'_, '_>) {
+    let counts = joint.encoder_counts_per_rev.get().zip(joint.gear_ratio.get());
+    let Some((counts, gear)) = counts.filter(|(_, gear)| *gear != 0.0) else { return };
+    let count = std::f64::consts::TAU / (f64::from(counts) * gear.abs());
+    let (count, limit, unit) = match of.kind {
+        JointKind::Revolute => (count.to_degrees(), MAX_COUNT_DEG, "°"),
+        JointKind::Prismatic => (count * 1e3, MAX_COUNT_MM, " mm"),
+    };
+    if count > limit {
+        let reason = format!(
+            "one count of 6064h must be at most {limit}{unit} of the joint, got {count:.3}{unit}"
+        );
+        of.problems.add(&joint.encoder_counts_per_rev, reason);
+    }
 }
 
 /// Reads the range as lowest and highest position, in rad or m.

@@ -92,7 +92,7 @@ fn read_one(
         limit: limit.as_ref(),
     };
     let boot = boot::of_drive(joint.boot.as_ref(), given, problems);
-    let nameplate = nameplate::read(joint, problems);
+    let nameplate = nameplate::read(joint, eds.as_deref(), problems);
     let accepted = nameplate::accepted(joint, problems);
     let kinds = [("revolute", JointKind::Revolute), ("prismatic", JointKind::Prismatic)];
     let kind = problems.one_of(&joint.kind.or("revolute".to_owned()), &kinds)?;

@@ -118,7 +118,6 @@ fn nameplate(config: &Parameters, place: usize, joint: &JointParameters, most: u
     let units = Units {
         velocity: writes_speed.then_some(SiUnit::RPM),
         range: counts_of_range(config, place),
-        ..joint.nameplate.units.clone()
     };
     Nameplate { capacity: Some(most), units, ..joint.nameplate.clone() }
 }

@@ -115,7 +115,7 @@ const ENCODER: &str = "encoder resolution (608Fh) is 32768:1, expected 16384:1 o
     encoder_counts_per_rev, or state the drive's value as drive_encoder";
 const TORQUE: &str = "rated torque (6076h) is 176500 mN·m, expected 130.7 mN·m: set it with the maker's tool, or \
     correct rated_torque_nm or rated_torque_unit";
-const FEED: &str = "feed constant (6092h) is 3600:1, expected 1:1 or 16384:1: set it with the maker's tool or \
+const FEED: &str = "feed constant (6092h) is 3600:1, expected 16384:1 or 1:1: set it with the maker's tool or \
     [[joint.boot.write]], or state it as drive_feed and give encoder_counts_per_rev in units of 6064h";
 const CURRENT: &str = "rated current (6075h) is 2100 mA, expected 4200 mA: set it with the maker's tool, or correct \
     rated_current_a";

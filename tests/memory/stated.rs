@@ -53,7 +53,7 @@ fn stated_facts_are_refused_once_for_all_joints_alike() {
     assert_eq!(refusal.lines().count(), 1, "{refusal}");
     for part in [
         "joint[0].accept_stated_only: azimuth, elevation, elbow, pitch, yaw, roll: sign and position scale are",
-        "(607Eh; 608Fh other than 1:1, and 6091h)",
+        "(607Eh; 6091h, with 608Fh and 6092h other than 1:1 or an angle in 60A8h)",
         "accept_stated_only = [\"sign\", \"position_scale\"], with rest_deg (rest_m), in each [[joint]]",
     ] {
         assert!(refusal.contains(part), "{part}: {refusal}");

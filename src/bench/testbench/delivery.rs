@@ -5,6 +5,7 @@
 //! encoder; the drive then counts by its factors, independently of `encoder_counts_per_rev`. Factors that are not stated
 //! are chosen to fit.
 
+use canopen::nameplate::position_scale::PositionScale;
 use canopen::nameplate::{Nameplate, Ratio};
 use canopen::object::Object;
 use canopen_device::dictionary::Dictionary;
@@ -22,7 +23,7 @@ pub(super) struct DeliveryState {
 impl DeliveryState {
     /// Computes the delivery state of the drive of `joint`, with the objects of `dictionary`.
     pub(super) fn new(joint: &JointParameters, dictionary: &Dictionary) -> Self {
-        let Nameplate { polarity, gear, rated_torque, rated_current, modes, units, .. } =
+        let Nameplate { polarity, scale, rated_torque, rated_current, modes, .. } =
             &joint.nameplate;
         let Factors { increments, encoder, feed } = Factors::new(joint, dictionary);
         let mut stored = vec![
@@ -31,12 +32,12 @@ impl DeliveryState {
             (Object::ENCODER_REVOLUTIONS, encoder.1),
             (Object::VELOCITY_INCREMENTS, encoder.0),
             (Object::VELOCITY_REVOLUTIONS, encoder.1),
-            (Object::GEAR_MOTOR_REVOLUTIONS, gear.0),
-            (Object::GEAR_SHAFT_REVOLUTIONS, gear.1),
+            (Object::GEAR_MOTOR_REVOLUTIONS, scale.gear.0),
+            (Object::GEAR_SHAFT_REVOLUTIONS, scale.gear.1),
             (Object::FEED, feed.0),
             (Object::FEED_REVOLUTIONS, feed.1),
             (Object::RATED_TORQUE, rated_torque.rounded()),
-            (Object::POSITION_UNIT, units.position.0),
+            (Object::POSITION_UNIT, scale.unit.0),
         ];
         stored.extend(rated_current.map(|current| (Object::RATED_CURRENT, current.rounded())));
         stored.extend(modes.map(|modes| (Object::SUPPORTED_MODES, modes)));
@@ -58,30 +59,23 @@ struct Factors {
 impl Factors {
     fn new(joint: &JointParameters, dictionary: &Dictionary) -> Self {
         let has = |object| dictionary.entry(object).is_some();
-        let Nameplate { encoder, gear, feed, .. } = &joint.nameplate;
-        let gear = if has(Object::GEAR_MOTOR_REVOLUTIONS) { *gear } else { Ratio::ONE };
-        let counts = joint.plant.actuator.counts_per_rev;
+        let PositionScale { counts, encoder, gear, feed, .. } = joint.nameplate.scale;
+        let gear = if has(Object::GEAR_MOTOR_REVOLUTIONS) { gear } else { Ratio::ONE };
         // Position units per revolution of the shaft.
         let shaft = gear.times(counts).unwrap_or(Ratio::ONE);
-        // A single accepted value is one that the configuration states; 1:1 is a factor that is not used.
-        let (encoder, feed) = match (&encoder[..], &feed[..]) {
-            (&[encoder], &[feed]) => (encoder, feed),
-            (&[one], _) | (_, &[one]) if one == Ratio::ONE => (one, one),
-            (&[encoder], _) => (encoder, shaft),
-            (_, &[feed]) => (shaft, feed),
-            _ => (shaft, shaft),
+        // 1:1 is a factor that is not used.
+        let (encoder, feed) = match (encoder, feed) {
+            (Some(encoder), Some(feed)) => (encoder, feed),
+            (Some(one), None) | (None, Some(one)) if one == Ratio::ONE => (one, one),
+            (encoder, feed) => (encoder.unwrap_or(shaft), feed.unwrap_or(shaft)),
         };
         let is_scaled = has(Object::ENCODER_INCREMENTS) && has(Object::FEED);
         let increments = if encoder == Ratio::ONE {
-            let feed = if is_scaled { value(feed) } else { 1.0 };
-            f64::from(counts) * value(gear) / feed
+            let feed = if is_scaled { feed.value() } else { 1.0 };
+            f64::from(counts) * gear.value() / feed
         } else {
-            value(encoder)
+            encoder.value()
         };
         Self { increments, encoder, feed }
     }
-}
-
-fn value(Ratio(of, to): Ratio) -> f64 {
-    f64::from(of) / f64::from(to)
 }

@@ -1,4 +1,4 @@
-//! Units and range of positions that a drive holds: 60A8h, 60A9h, 607Bh, and the factors 6093h and 6094h of older
+//! Units and range of positions that a drive stores: 60A8h, 60A9h, 607Bh, and the factors 6093h and 6094h of older
 //! dictionaries.
 //!
 //! | object | expected                                                               |
@@ -29,11 +29,11 @@ impl SiUnit {
 
     /// Returns the number of units per revolution; `None` for increments and all other units that are not angles.
     pub fn per_revolution(self) -> Option<f64> {
-        let [exponent, numerator, denominator, _] = self.0.to_be_bytes();
-        let angle = match (numerator, denominator) {
-            (RADIAN, 0) => TAU,
-            (DEGREE, 0) => 360.0,
-            (REVOLUTION, 0) => 1.0,
+        let [exponent, numerator, 0, 0] = self.0.to_be_bytes() else { return None };
+        let angle = match numerator {
+            RADIAN => TAU,
+            DEGREE => 360.0,
+            REVOLUTION => 1.0,
             _ => return None,
         };
         Some(angle / power_of_ten(exponent))
@@ -88,21 +88,13 @@ pub const fn is_outdated(object: Object) -> bool {
     object.index == Object::POSITION_FACTOR.index || object.index == Object::VELOCITY_FACTOR.index
 }
 
-/// Expected units and range.
-#[derive(Clone, Debug, PartialEq)]
+/// Expected velocity unit and range.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Units {
-    /// Position unit (60A8h).
-    pub position: SiUnit,
     /// Velocity unit (60A9h); `None` if the plan writes no velocity.
     pub velocity: Option<SiUnit>,
     /// Range of the joint in counts of 6064h, which 607Bh must contain; `None` compares no range.
     pub range: Option<[i32; 2]>,
-}
-
-impl Default for Units {
-    fn default() -> Self {
-        Self { position: SiUnit::INCREMENTS, velocity: None, range: None }
-    }
 }
 
 #[cfg(test)]
@@ -114,6 +106,9 @@ mod tests {
         assert_eq!(SiUnit(0xFF41_0000).per_revolution(), Some(3_600.0));
         assert_eq!(SiUnit(0x00B4_0000).per_revolution(), Some(1.0));
         assert_eq!(SiUnit::INCREMENTS.per_revolution(), None);
+        for unit in [0xFF41_0300, 0xFF41_0001] {
+            assert_eq!(SiUnit(unit).per_revolution(), None, "{unit:X}h is a speed, or unknown");
+        }
         assert_eq!((SiUnit::RPM.rpm(), SiUnit(0x00B4_0300).rpm()), (Some(1.0), Some(60.0)));
         assert_eq!(SiUnit(0x00B5_0300).rpm(), None);
         assert_eq!(SiUnit(0x1234_5600).to_string(), "12345600h");

@@ -9,9 +9,9 @@
 //!
 //! The encoder itself does not depend on 608Fh: index pulses and motor speeds are those of the motor.
 
-use canopen::nameplate::units::SiUnit;
 use canopen::object::Object;
 use canopen_device::dictionary::Dictionary;
+use units::math;
 
 /// Factors of the factor group.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,8 +65,8 @@ impl Units {
         let feed = ratio(dictionary, Object::FEED, Object::FEED_REVOLUTIONS).unwrap_or(turn);
         let factor = ratio(dictionary, Object::POSITION_FACTOR, Object::POSITION_FACTOR_DIVISOR)
             .unwrap_or(1.0);
-        let unit = dictionary.optional(Object::POSITION_UNIT).map(SiUnit);
-        let scale = match unit.and_then(SiUnit::per_revolution) {
+        let unit = dictionary.optional(Object::POSITION_UNIT);
+        let scale = match unit.and_then(angles_per_revolution) {
             Some(units) => self.encoder * gear / units,
             None => turn * gear / feed,
         };
@@ -156,6 +156,19 @@ fn ratio(dictionary: &Dictionary, over: Object, under: Object) -> Option<f64> {
         (0, _) | (_, 0) => 1.0,
         (over, under) => f64::from(over) / f64::from(under),
     })
+}
+
+/// Returns the number of angle units of 60A8h in a revolution; `None` for another unit. From its highest byte: power of
+/// ten, unit, and two bytes of zero (CiA 303-2).
+fn angles_per_revolution(unit: u32) -> Option<f64> {
+    let [power, unit, 0, 0] = unit.to_be_bytes() else { return None };
+    let angle = match unit {
+        0x10 => std::f64::consts::TAU,
+        0x41 => 360.0,
+        0xB4 => 1.0,
+        _ => return None,
+    };
+    Some(angle * math::powf(10.0, -f64::from(power.cast_signed())))
 }
 
 /// Returns the position range (607Bh); `None` for 0 to 0, no range, or an absent one.

@@ -9,7 +9,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::abort::AbortCode;
-use crate::nameplate::units::Units;
+use crate::nameplate::position_scale::PositionScale;
+use crate::nameplate::units::{SiUnit, Units};
 use crate::nameplate::{Nameplate, Rating, Ratio};
 use crate::plan::{BOOT_TIMEOUT, REPLY_TIMEOUT, Revisions, Timeouts};
 use crate::setting::OFFSETS;
@@ -691,9 +692,13 @@ fn time_limits_are_those_of_the_plan() {
 fn rated() -> (NodePlan, ScriptedDevice) {
     let nameplate = Nameplate {
         polarity: 0,
-        encoder: vec![Ratio(4_096, 1)],
-        gear: Ratio::ONE,
-        feed: vec![Ratio::ONE],
+        scale: PositionScale {
+            counts: 4_096,
+            unit: SiUnit::INCREMENTS,
+            encoder: None,
+            gear: Ratio::ONE,
+            feed: None,
+        },
         rated_current: None,
         rated_torque: Rating { value: 176.5, unit: "mN·m" },
         capacity: None,

@@ -172,6 +172,72 @@ fn input_ends_reflection(file: &str, keys: &str, input: &str, message: &str) {
     assert!(bench.ask(Request::Reset).is_err(), "{file}: the cause is present");
 }
 
+/// Returns a script as [`script`], with faults of the switch box's frames.
+fn disturbed(switches: &[(f64, &str)], faults: &str) -> Scenario {
+    let quiet = script(switches);
+    let text = toml::to_string(&quiet).unwrap();
+    Scenario::parse(&format!("{text}\n{faults}")).unwrap()
+}
+
+#[test]
+fn hazard_50_glitches_move_nothing_and_stop_nothing() {
+    // Both bits for 20 ms, ten times, while the gripper closes or rests.
+    let [both, closes, rests] = ["true, true", "false, true", "false, false"]
+        .map(|bits| format!("buttons = [false, {bits}, false]"));
+    for file in HAND_CONTROLLERS {
+        let mut switches = vec![(2.0, &closes[..]), (2.4, &rests)];
+        for glitch in 0..10 {
+            let at = 2.1 + 0.1 * f64::from(glitch);
+            let after = if at < 2.4 { &closes } else { &rests };
+            switches.extend([(at, &both[..]), (at + 0.02, after)]);
+        }
+        let config = parse(file, &gripping_of(&text(file), DIGITAL));
+        let mut bench = started(&config, script(&switches), ());
+        let open = gripper(&until(&mut bench, 1.99)).command.unwrap().position;
+        let still = until(&mut bench, 2.45);
+        let closed = gripper(&still).command.unwrap().position;
+        // 0.4 s at 50 mm/s, less three glitches.
+        assert!((open - closed - 0.017).abs() < 1e-3, "{file}: {open} m to {closed} m");
+        let after = until(&mut bench, 3.5);
+        assert_eq!((after.mode, after.cause), (Mode::Engaged, None), "{file}");
+        assert_eq!(gripper(&after).command, gripper(&still).command, "{file}");
+    }
+}
+
+#[test]
+fn hazard_50_single_wrong_samples_move_nothing() {
+    // One frame in ten has other counts: out of range, and within it, where 50 mm/s until the next frame are the limit.
+    for (mask, travel) in [("000030", 0.0), ("00FF7F", 1.1e-3)] {
+        let corrupt = format!(
+            "[[fault]]\nat_s = 2.0\nkind = \"corrupt\"\ndevice = \"switches\"\nframe = \"tpdo1\"\nxor = \"{mask}\"\n\
+             share = 0.1\n"
+        );
+        let scenario = disturbed(&[(0.1, "gripper = 20000")], &corrupt);
+        let mut bench = bench(&gripping(ANALOGUE), scenario);
+        let before = gripper(&until(&mut bench, 1.99)).command.unwrap().position;
+        let mut farthest: f64 = 0.0;
+        for _ in 0..2_000 {
+            let record = bench.cycle();
+            assert_eq!((record.mode, record.cause), (Mode::Engaged, None), "{mask}");
+            farthest = farthest.max((gripper(&record).command.unwrap().position - before).abs());
+        }
+        assert!(farthest <= travel, "{mask}: {farthest} m");
+    }
+}
+
+#[test]
+fn hazard_50_frame_without_its_counts_releases_the_deadman() {
+    let cut = "[[fault]]\nat_s = 2.0\nkind = \"resize\"\ndevice = \"switches\"\nframe = \"tpdo1\"\nbytes = 1\n";
+    let scenario = disturbed(&[(0.1, "gripper = -12000")], cut);
+    let mut bench = bench(&gripping(ANALOGUE), scenario);
+    let before = until(&mut bench, 1.99);
+    assert_eq!(before.mode, Mode::Engaged);
+    let after = until(&mut bench, 2.05);
+    assert_ne!(after.mode, Mode::Engaged, "the deadman is in the same frame");
+    let stays = gripper(&after).command.unwrap_or(gripper(&after).measured.unwrap()).position;
+    assert!((stays - gripper(&before).command.unwrap().position).abs() < 3e-3, "{stays} m");
+}
+
 #[test]
 fn hazard_50_silent_input_releases_the_deadman_with_it() {
     let text = "seconds = 20.0\n[hand]\ntremor_mm = 0.0\n\

@@ -34,6 +34,7 @@ mod drive_hazards;
 mod dual_peg;
 mod energy;
 mod experiments;
+mod far_pump;
 mod far_side;
 mod faults;
 mod fidelity;

@@ -17,7 +17,8 @@ use units::time::Instant;
 /// Share of its range by which an analogue input may exceed it, for the tolerance of a lever's stops.
 const TOLERANCE: f64 = 0.05;
 
-/// Time for which an input must be invalid to be a fault, equal to the debounce time of contacts.
+/// Time for which an input must be invalid to be a fault, equal to the debounce time of contacts. Valid time is deducted:
+/// a single glitch is none, a loose wire that is invalid more often than valid is one.
 const INVALID_TIME: Duration = DEBOUNCE_TIME;
 
 /// Input of the operator for a gripper.
@@ -28,8 +29,10 @@ pub(super) struct GripperLever {
     travel: f64,
     /// Opening demanded by the operator, in m; `None` to hold.
     aim: Option<f64>,
-    /// Time since which the input is invalid.
-    invalid_since: Option<Instant>,
+    /// Time of the last reading, and whether it was invalid.
+    last: Option<(Instant, bool)>,
+    /// Invalid time less valid time.
+    invalid_for: Duration,
     /// Commanded opening, in m; `None` before the first engagement after an arming.
     opening: Option<f64>,
 }
@@ -38,7 +41,7 @@ impl GripperLever {
     /// Returns the input before its first reading, with a cycle every `period`.
     pub(super) fn new(input: GripperInput, period: Duration) -> Self {
         let travel = input.max_speed * period.as_secs_f64();
-        Self { input, travel, aim: None, invalid_since: None, opening: None }
+        Self { input, travel, aim: None, last: None, invalid_for: Duration::ZERO, opening: None }
     }
 
     /// Takes the inputs of this cycle; `None` if they are missing or stale. Returns a cause if they have been invalid for
@@ -60,12 +63,15 @@ impl GripperLever {
         // A silent switch box releases the deadman; its missed heartbeat is a cause.
         let aim = aim.unwrap_or(Ok(None));
         self.aim = aim.ok().flatten().map(|share| share * self.input.stroke);
-        let Err(cause) = aim else {
-            self.invalid_since = None;
-            return None;
-        };
-        let since = *self.invalid_since.get_or_insert(now);
-        (now.since(since) >= INVALID_TIME).then_some(cause)
+        let passed = self.last.replace((now, aim.is_err()));
+        if let Some((before, was_invalid)) = passed {
+            let span = now.since(before);
+            self.invalid_for = match was_invalid {
+                true => (self.invalid_for + span).min(INVALID_TIME),
+                false => self.invalid_for.saturating_sub(span),
+            };
+        }
+        aim.err().filter(|_| self.invalid_for >= INVALID_TIME)
     }
 
     /// Returns the command of a cycle in this mode; `measured` is the gripper in the newest sample.
@@ -222,6 +228,24 @@ mod tests {
             assert_eq!(causes.iter().position(Option::is_some), Some(25));
             assert_eq!(causes[25], Some(cause));
             assert_eq!(lever.read(at(28), Some(SwitchInputs::from_bits(0)), Some(9_500)), None);
+        }
+    }
+
+    /// Returns the time in ms of the fault within 2 s of an input that is invalid for `invalid` of each `of` ms.
+    fn flickers(invalid: u64, of: u64) -> Option<u64> {
+        let mut lever = analogue_lever();
+        (0..2_000).find(|ms| {
+            let counts = if ms % of < invalid { i16::MAX } else { 4_000 };
+            lever.read(at(*ms), None, Some(counts)).is_some()
+        })
+    }
+
+    #[test]
+    fn hazard_50_loose_wire_is_a_fault_and_a_glitch_is_none() {
+        assert!(flickers(20, 21).is_some_and(|ms| ms < 50), "{:?}", flickers(20, 21));
+        assert!(flickers(3, 5).is_some_and(|ms| ms < 150), "{:?}", flickers(3, 5));
+        for (invalid, of) in [(1, 2), (24, 48), (1, 100), (24, 100)] {
+            assert_eq!(flickers(invalid, of), None, "{invalid} of {of} ms");
         }
     }
 

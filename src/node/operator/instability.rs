@@ -1,8 +1,9 @@
-//! Instability of the haptic loop: oscillation of the grip that does not decay, or excess power into the hand.
+//! Instability of the haptic loop: oscillation of the grip that does not decay, or excess power or energy into the hand.
 //!
 //! The passivity layer damps from the first millijoule on. This monitor stops the node if that does not suffice. A swing
 //! is the motion of the grip along an axis between two reversals. Only swings over which the torques deliver energy to the
-//! hand count as instability. In an oscillation that the operator drives, the torques absorb energy.
+//! hand count as instability. In an oscillation that the operator drives, the torques absorb energy. A commanded side that
+//! pushes the hand where it moves swings it slower than that: the energy shows it.
 //!
 //! Motions are between cycles with a sample of every joint ([`sampled_motion`](super::sampled_motion)). A lost sample in a
 //! fast motion thus does not count as a reversal.
@@ -37,13 +38,21 @@ const MAX_POWER: f64 = 20.0;
 /// Time for which more power is tolerated: encoder samples are coarse.
 const EXCESS_POWER_TIME: Duration = Duration::from_millis(10);
 
-/// Monitor of the grip's six axes and of the power into the hand.
+/// Maximum energy into the hand, in J: 40 N over 5 cm.
+const MAX_ENERGY: f64 = 2.0;
+
+/// Power into the hand that does not count as energy, in W. In contact and free motion the torques absorb energy.
+const TOLERATED_POWER: f64 = 0.5;
+
+/// Monitor of the grip's six axes, and of power and energy into the hand.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Instability {
     axes: [Oscillation; 6],
     /// Work of the torques since the last reset, in J.
     work: f64,
     excess_power_since: Option<Instant>,
+    /// Energy into the hand beyond [`TOLERATED_POWER`], in J, at least zero: absorbed energy is no credit.
+    energy: f64,
 }
 
 /// Oscillation along one axis.
@@ -70,13 +79,15 @@ impl Instability {
             if is_excess { self.excess_power_since.or(Some(now)) } else { None };
         let is_overpowered =
             self.excess_power_since.is_some_and(|since| now.since(since) >= EXCESS_POWER_TIME);
+        self.energy = (self.energy + work - TOLERATED_POWER * dt.as_secs_f64()).max(0.0);
+        let is_driven = self.energy > MAX_ENERGY;
         let speeds =
             motion.v_g().scaled(&[1.0, 1.0, 1.0, GRIP_SIZE, GRIP_SIZE, GRIP_SIZE]).components();
         let mut oscillates = false;
         for (axis, speed) in self.axes.iter_mut().zip(speeds) {
             oscillates |= axis.update(now, speed, self.work);
         }
-        (is_overpowered || oscillates).then_some(Cause::Unstable)
+        (is_overpowered || is_driven || oscillates).then_some(Cause::Unstable)
     }
 
     /// Clears the history while there is no reflection.
@@ -161,7 +172,29 @@ mod tests {
     #[test]
     fn hazard_45_more_than_20_w_into_the_hand_trip() {
         let after = |power| trips(0, 0.1, 0.0, 1.0, power);
-        assert_eq!((after(19.0), after(-50.0), after(21.0)), (None, None, Some(10)));
+        assert_eq!((after(19.0), after(-50.0), after(21.0)), (Some(108), None, Some(10)));
+    }
+
+    /// Returns the time in ms of the trip within 20 s of a power into the hand, in W, that alternates each 250 ms.
+    fn trips_by(powers: [f64; 2]) -> Option<u64> {
+        let mut instability = Instability::default();
+        let twist = Twist::from_components([0.0; 6]);
+        (0..20_000_u64).find(|ms| {
+            let power = powers[usize::from(ms / 250 % 2 == 1)];
+            let motion = Motion::new(CYCLE, &twist, power * 1e-3);
+            instability.check(Instant::from_micros(ms * 1_000), &motion).is_some()
+        })
+    }
+
+    #[test]
+    fn hazard_45_more_than_2_j_into_the_hand_trip() {
+        assert!(trips_by([2.5, 2.5]).is_some_and(|ms| (998..1_002).contains(&ms)), "2 W too many");
+        assert!(trips_by([6.0, -2.0]).is_some_and(|ms| ms < 2_500), "a slow pump");
+        // A tap returns what it took; free motion absorbs.
+        assert_eq!(
+            (trips_by([-7.0, 7.0]), trips_by([0.5, 0.5]), trips_by([-9.0, 3.0])),
+            (None, None, None)
+        );
     }
 
     #[test]

@@ -269,7 +269,7 @@ mod tests {
     }
 
     /// Returns the time in ms of the trip within 0.5 s. `q` are the joint positions in rad at a time in s; torques of
-    /// 1 N·m drive every joint on. `lost` is the joint without a sample in a cycle of 1 ms.
+    /// 0.05 N·m drive every joint on, with less than the power that is tolerated. `lost` is the joint without a sample in a cycle of 1 ms.
     fn trips(q: impl Fn(f64) -> JointVector, lost: impl Fn(u32) -> Option<Joint>) -> Option<u32> {
         let (mut controller, mut operator) =
             (*CONTROLLER, OperatorMonitors::new(CYCLE, Some([None; 4])));
@@ -283,7 +283,7 @@ mod tests {
             let restart = *ms == 0;
             let mut output = controller.step_at(&seen, &Input { restart, ..*FIRST });
             output.ledger.gravity = JointVector::zeros();
-            output.tau = (next - now).map(f64::signum);
+            output.tau = (next - now).map(|dq| 0.05 * dq.signum());
             let at = Instant::from_micros(u64::from(*ms) * 1_000);
             let fresh = Joint::ALL.map(|joint| lost(*ms) != Some(joint));
             operator.check(at, &permit(true), &output, restart, &fresh).is_some()

@@ -17,7 +17,7 @@ const PUMP: [f64; 3] = [2.0, 2.05, 8.0];
 /// Force that it reports, in N: reflected, above the greatest reflected force of every shipped file.
 const FORCE: f64 = 200.0;
 
-/// What a pump did to the hand.
+/// Effect of a pump on the hand.
 #[derive(Debug)]
 struct Damage {
     /// Maximum speed of the grip, in m/s.

@@ -64,6 +64,26 @@ impl Drop for Disk {
     }
 }
 
+/// A file system in memory, of a few MB.
+struct SmallDisk {
+    path: String,
+}
+
+impl SmallDisk {
+    fn in_folder(scratch: &Scratch, size: &str) -> Self {
+        let path = scratch.path("small-disk");
+        let mount = "mkdir $0 && mount -t tmpfs -o size=$1 tmpfs $0";
+        Process::start("sh", &["-c", mount, &path, size]).wait().succeeds();
+        Self { path }
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        Process::start("umount", &["-l", &self.path]).wait();
+    }
+}
+
 #[test]
 fn hazard_32_disk_that_hangs_delays_the_end_by_a_second() {
     let scratch = Scratch::new("hung-disk");
@@ -101,6 +121,43 @@ fn hazard_32_disk_that_hangs_delays_the_end_by_a_second() {
     let off = Duration::from_nanos(off.unwrap().nanos - signalled);
     assert!(off <= Duration::from_millis(200), "{off:?}");
     log.ends_with_every_drive_off(NODES);
+}
+
+#[test]
+fn hazard_32_run_killed_on_a_full_disk_leaves_a_session() {
+    let scratch = Scratch::new("full-disk");
+    let disk = SmallDisk::in_folder(&scratch, "4m");
+    let mut candump = Candump::start("vcan0");
+    let sim = scratch.frhc(&["sim", "--config", KRAFT, "--scenario", "contact_10s"]);
+    let recording = format!("{}/sessions", disk.path);
+    let stderr = scratch.path("stderr");
+    let words = ["run", "--config", KRAFT, "--record", &recording];
+    let run = scratch.frhc_onto(&words, fs::File::create(&stderr).unwrap());
+    scratch.ctl("--wait arm").succeeds();
+    let printed = || fs::read_to_string(&stderr).unwrap();
+    let armed = candump.mark().nanos;
+    candump.until(|line| {
+        assert!(line.nanos < armed + 60_000_000_000, "the disk does not fill: {}", printed());
+        // Once in 50 frames or so.
+        line.nanos % 1_000_000 < 20_000
+            && printed().contains("the recording has stopped: No space left")
+    });
+    // The run goes on without its recording.
+    scratch.ctl("status").succeeds();
+    let full = candump.mark().nanos;
+    candump.until(|line| line.nanos > full + 500_000_000);
+    run.kill();
+    let killed = candump.mark().nanos;
+    candump.until(|line| line.nanos > killed + 100_000_000);
+    sim.terminate().succeeds();
+    candump.finish();
+    let session = only(&recording);
+    let words = ["replay", session.to_str().unwrap(), "--json"];
+    let (replay, stdout) = scratch.frhc_and_stdout(&words);
+    let result: Value = serde_json::from_reader(stdout).unwrap();
+    replay.wait().succeeds();
+    assert_eq!(result["is_equal"], Value::from(true), "{result}");
+    assert!(result["cycle_count"].as_u64().unwrap() > 1_000, "{result}");
 }
 
 #[test]

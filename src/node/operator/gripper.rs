@@ -18,7 +18,7 @@ use units::time::Instant;
 const TOLERANCE: f64 = 0.05;
 
 /// Time for which an input must be invalid to be a fault, equal to the debounce time of contacts. Valid time is deducted:
-/// a single glitch is none, a loose wire that is invalid more often than valid is one.
+/// a single glitch does not count, a wire that is loose more often than not does.
 const INVALID_TIME: Duration = DEBOUNCE_TIME;
 
 /// Input of the operator for a gripper.
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn hazard_50_loose_wire_is_a_fault_and_a_glitch_is_none() {
+    fn hazard_50_loose_wire_is_a_fault_and_a_glitch_is_not() {
         assert!(flickers(20, 21).is_some_and(|ms| ms < 50), "{:?}", flickers(20, 21));
         assert!(flickers(3, 5).is_some_and(|ms| ms < 150), "{:?}", flickers(3, 5));
         for (invalid, of) in [(1, 2), (24, 48), (1, 100), (24, 100)] {

@@ -37,11 +37,14 @@ fn every_shipped_arm_meets_its_wall() {
     for name in arms {
         let config = config(&format!("config/{name}.toml"));
         let config = comparison::surrounded(&config, &scenario("stiff-wall"));
-        for config in [comparison::without_passivity(&config), config] {
-            let summary = played(&config);
-            assert!(summary.contact_seconds > 1.0, "{name}: {summary}");
-            assert_eq!(summary.stopped_by, None, "{name}");
-        }
+        let summary = played(&config);
+        assert!(summary.contact_seconds > 1.0, "{name}: {summary}");
+        assert_eq!(summary.stopped_by, None, "{name}");
+        // Without the layer a wall that gives the hand joules ends reflection, and no other does.
+        let without = played(&comparison::without_passivity(&config));
+        assert!(without.contact_seconds > 0.5, "{name}: {without}");
+        let is_driven = without.contact.lowest_energy_j < -1.5;
+        assert!(without.stopped_by.is_none() || is_driven, "{name}: {without}");
     }
 }
 

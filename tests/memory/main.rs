@@ -61,6 +61,7 @@ mod other_clients;
 mod plausibility;
 mod position_scale;
 mod power_off;
+mod proof_replies;
 mod quirks;
 mod real_drives;
 mod recorder_rings;

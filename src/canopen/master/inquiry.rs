@@ -19,6 +19,9 @@ use units::time::Instant;
 /// Time allowed for one reply.
 const REPLY_TIMEOUT: Duration = Duration::from_millis(500);
 
+/// Time after which a statusword that is not answered is no longer read: the upload is repeated once.
+pub const STATUSWORD_TIMEOUT: Duration = Duration::from_millis(1_000);
+
 /// Maximum repetitions of an inquiry that another client disturbed.
 const MAX_REPEATS: u8 = 3;
 

@@ -29,6 +29,8 @@ mod standstill;
 pub mod steps;
 mod unknown_nodes;
 
+pub use inquiry::STATUSWORD_TIMEOUT;
+
 use std::collections::VecDeque;
 
 use canopen_rs::nmt::HEARTBEAT_COB_BASE;
@@ -211,10 +213,15 @@ impl Master {
         self.reads_error_history = enable;
     }
 
-    /// Starts to read the statusword (6041h) of a drive, reported as [`Event::Statusword`]. Does nothing
-    /// while another request to the drive is pending.
-    pub fn read_statusword(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) {
-        self.request(now, node, out, |slave, frames| slave.read_statusword(now, frames));
+    /// Starts to read the statusword (6041h) of a drive, reported as [`Event::Statusword`] within [`STATUSWORD_TIMEOUT`] or
+    /// not at all. Returns false while another request to the drive is pending.
+    pub fn read_statusword(
+        &mut self,
+        now: Instant,
+        node: NodeIndex,
+        out: &mut Vec<Telegram>,
+    ) -> bool {
+        self.request(now, node, out, |slave, frames| slave.read_statusword(now, frames))
     }
 
     /// Starts to read an object of a node again, reported as [`Event::ReadBack`]. Returns false while another

@@ -1,5 +1,6 @@
 //! Results of the proof test: for each watchdog of each drive, the time until the power stage was off.
 
+use std::fmt;
 use std::time::Duration;
 
 use derive_more::Display;
@@ -111,12 +112,53 @@ pub enum NoExpiry {
         /// Time since the last frame of the master.
         duration: Duration,
     },
+    /// No answer showed in time whether its power stage was off: `did not answer 6041h in time without RPDOs (1400h:5 is 5 ms),
+    /// in two tests`.
+    #[display(
+        "did not answer 6041h in time without {} ({} is {} ms), in two tests: {}; look for lost or late SDO frames, then start again",
+        watchdog.awaited,
+        watchdog.object,
+        watchdog.millis,
+        Report(*reported)
+    )]
+    Unanswered {
+        /// The tested watchdog.
+        watchdog: Watchdog,
+        /// Time from the last frame of the master to the drive's emergency message; `None` without one.
+        reported: Option<Duration>,
+    },
     /// It has no watchdog.
     #[display(
         "has no RPDO timer (1400h:5), no heartbeat consumer (1016h) and is not guarded (100Ch, 100Dh): \
          nothing stops it without its master"
     )]
     NoTimer,
+}
+
+impl NoExpiry {
+    /// Returns whether the test has shown nothing, and another one may.
+    pub(super) const fn is_unanswered(self) -> bool {
+        matches!(self, Self::Unanswered { .. })
+    }
+}
+
+/// Words for what a drive without an answer has reported.
+#[derive(Clone, Copy, Debug)]
+struct Report(Option<Duration>);
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Some(after) => {
+                let millis = after.as_millis();
+                write!(
+                    f,
+                    "its emergency after {millis} ms does not show that its power stage is off"
+                )
+            }
+            None => f.write_str("nothing shows that its power stage is off"),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -170,5 +212,16 @@ mod tests {
             ProofTestFailure { name, node, reason }.to_string(),
             "joint 3 (elbow), node 3: kept its power stage on for 40 ms without RPDOs (1400h:5 is 5 ms)"
         );
+    }
+
+    #[test]
+    fn unanswered_failure_names_object_and_emergency() {
+        let watchdog = expiry(LifeSign::Rpdo, 8, 0).unwrap().watchdog;
+        let text = |reported| NoExpiry::Unanswered { watchdog, reported }.to_string();
+        let [silent, reported] = [None, Some(Duration::from_micros(8_300))].map(text);
+        let opening =
+            "did not answer 6041h in time without RPDOs (1400h:5 is 8 ms), in two tests: ";
+        assert!(silent.starts_with(&format!("{opening}nothing shows that")), "{silent}");
+        assert!(reported.starts_with(&format!("{opening}its emergency after 8 ms")), "{reported}");
     }
 }

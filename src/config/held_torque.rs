@@ -22,6 +22,12 @@ pub const TAKEN_CYCLES: u32 = 5;
 /// Number of consecutive torque demands that must differ from the targets.
 const DEMANDS: u32 = 2;
 
+/// Time after a disarm in which drives whose torque actual (6077h) comes with each SYNC show that they apply no torque.
+const DISARM_TIMEOUT: Duration = Duration::from_millis(100);
+
+/// Time after a disarm in which the torques ramp to zero, and a filtered torque actual follows.
+const DISARM_RAMP: Duration = Duration::from_millis(80);
+
 /// Means of detecting that a drive has lost its RPDOs.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum SeenBy {
@@ -63,6 +69,16 @@ impl Parameters {
         drives().map(of).collect()
     }
 
+    /// Returns the time after a disarm in which the drives show that they apply no torque. Of drives without an RPDO timer it
+    /// covers their slowest TPDO of torque actual (6077h), which may come at about every hundredth SYNC only.
+    pub fn disarm_timeout(&self) -> Duration {
+        let plans = self.node_plans();
+        let drives = plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive());
+        let silent = drives.filter(|plan| seen_by(plan) != SeenBy::RpdoTimer);
+        let syncs = silent.flat_map(torque_syncs).max().unwrap_or_default();
+        DISARM_TIMEOUT.max(DISARM_RAMP + self.period * (TAKEN_CYCLES + u32::from(syncs) + 2))
+    }
+
     /// Returns the time of detection by TPDO. It covers the cycles whose targets the drive may have applied, two TPDOs, and
     /// one cycle for the reception of the last.
     fn by_demand(&self) -> Duration {
@@ -95,6 +111,15 @@ fn seen_by(plan: &NodePlan) -> SeenBy {
     }
 }
 
+/// Returns the SYNCs between two TPDOs of torque actual (6077h) of a drive.
+fn torque_syncs(plan: &NodePlan) -> Option<u8> {
+    let transmitted = plan.pdos.iter().filter(|pdo| pdo.direction == Direction::Transmit);
+    let mut services = transmitted.filter_map(|pdo| pdo.service.as_ref());
+    let of_torque = services
+        .find(|service| service.mapping.iter().any(|it| it.object == Object::TORQUE_ACTUAL))?;
+    Some(of_torque.transmission.0)
+}
+
 /// Returns the time of a drive's RPDO timer plus its tolerance; zero without a timer.
 fn rpdo_timer(plan: &NodePlan) -> Duration {
     plan.watchdog(LifeSign::Rpdo).map_or(Duration::ZERO, |timer| {
@@ -108,6 +133,24 @@ mod tests {
 
     use super::*;
     use crate::Config;
+
+    #[test]
+    fn disarm_timeout_covers_a_rare_torque_actual() {
+        let file = Path::new("config/kraft_like.toml");
+        let text = String::from_utf8(crate::files::read(file).unwrap()).unwrap();
+        let (before, damper) = text.split_once("[controller.passivity]").unwrap();
+        let undamped = format!("{before}{}", &damper[damper.find("\n[").unwrap()..]);
+        let text = undamped.replace("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 0 ");
+        let text = text.replace("max_force_n = 40.0", "max_force_n = 1.0");
+        let silent = Config::parse(file, &text).unwrap();
+        assert_eq!(silent.held_torques()[5].seen_by, SeenBy::Reading);
+        // 6077h at every 107th SYNC, at 1 kHz.
+        assert_eq!(silent.disarm_timeout(), Duration::from_millis(80 + 5 + 107 + 2));
+        for file in crate::shipped::HAND_CONTROLLERS {
+            let timeout = Config::load(Path::new(file)).unwrap().disarm_timeout();
+            assert_eq!(timeout, Duration::from_millis(100), "{file}");
+        }
+    }
 
     #[test]
     fn shipped_drives_show_a_held_torque_by_what_they_have() {

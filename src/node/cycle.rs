@@ -15,6 +15,8 @@
 use crate::Node;
 use crate::cause::Cause;
 use crate::permit::Permit;
+use crate::power::may_apply_torque;
+use crate::push::Push;
 use crate::record::{Mode, Record, RefusedPress, SdoCounters};
 use crate::remote_side::SideState;
 use crate::safety::causes;
@@ -149,6 +151,19 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.control.input(&self.samples, &self.remote_side.newest, &self.operator, permit, restart)
     }
 
+    /// Returns the push of each drive, if the target torques are zero. Before the end of the proof test it is excluded.
+    fn pushes(&self) -> [Push; 6] {
+        let has_timer = self.proof_test.has_rpdo_timer();
+        let torques = self.plausibility.torques_at_zero();
+        Joint::ALL.map(|joint| {
+            let statusword = joint.entry(self.samples.latest()).statusword;
+            let is_excluded = !self.proof_test.is_done()
+                || *joint.entry(&has_timer)
+                || !may_apply_torque(statusword);
+            if is_excluded { Push::Excluded } else { Push::from_torque(*joint.entry(&torques)) }
+        })
+    }
+
     fn record(
         &self,
         now: Instant,
@@ -182,6 +197,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             output,
             targets: targets.map(|PerMille(target)| target),
             not_off: self.power_off.not_off(),
+            pushes: self.pushes(),
             sdo: SdoCounters {
                 foreign_uploads: self.network.master.foreign_uploads(),
                 unread_settings: self.proof_test.unread(),

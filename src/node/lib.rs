@@ -34,6 +34,7 @@ mod plausibility;
 mod power;
 mod power_off;
 pub mod proof_test;
+pub mod push;
 pub mod reaction;
 mod receive;
 pub mod record;

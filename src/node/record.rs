@@ -9,6 +9,7 @@ use nalgebra::Isometry3;
 
 use crate::cause::Cause;
 use crate::cycle_times::CycleTimes;
+use crate::push::Push;
 use controller::Output;
 use controller::adjustment::AdjustmentError;
 use remote::model::Difference;
@@ -138,8 +139,17 @@ pub struct Record {
     pub targets: [i16; 6],
     /// Joints whose drives do not report that they are off, although disable voltage was sent by RPDO and by SDO.
     pub not_off: [bool; 6],
+    /// Drives that may push at zero target torque. Not to be used in a mode that allows torque.
+    pub pushes: [Push; 6],
     /// Counters of SDO transfers.
     pub sdo: SdoCounters,
+}
+
+impl Record {
+    /// Returns whether the mode allows no torque, and no drive may push.
+    pub fn is_torque_free(&self) -> bool {
+        !self.mode.allows_torque() && self.pushes == [Push::Excluded; 6]
+    }
 }
 
 /// Gripper in one cycle.

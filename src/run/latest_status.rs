@@ -50,6 +50,11 @@ impl LatestStatus {
         Some(Status { recording, timing, link, ..status })
     }
 
+    /// Returns the newest record; `None` before the first cycle.
+    pub(super) fn record(&self) -> Option<Record> {
+        self.lock().newest.map(|(record, ..)| record)
+    }
+
     /// Returns the slowly changing values of the telemetry.
     pub(super) fn scarce(&self) -> Scarce {
         let newest = self.lock().newest;

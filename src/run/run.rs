@@ -108,7 +108,8 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         LatestStatus::new(status::labels(&config), recording.clone()).with_link(link_status);
     let latch = LatchFile::set(&names);
     let remark = latch.remark().map(str::to_owned).inspect(|remark| tracing::warn!("{remark}"));
-    let handler = Arc::new(RequestHandler::new(sender, latest.clone(), clock, remark));
+    let limit = config.disarm_timeout();
+    let handler = Arc::new(RequestHandler::new(sender, latest.clone(), clock, remark, limit));
     signals.enable_orderly_stop();
 
     let has_ended = &AtomicBool::new(false);

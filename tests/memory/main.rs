@@ -30,6 +30,7 @@ mod controller_steps;
 mod coupling;
 mod cycle_thread;
 mod delayed_link;
+mod disarm_answer;
 mod drive_hazards;
 mod dual_peg;
 mod energy;

@@ -55,7 +55,7 @@ pub(crate) const HAZARDS: [Claim; 50] = [
         13,
         "A drive no longer receives its RPDOs",
         "it is off by its own timer within 6 ms, the others follow; a drive without that timer is seen within 120 ms, \
-         and disabled",
+         and disabled; a disarm is not answered as ready while its torque actual is beyond 20 ‰",
     ),
     (14, "A device with another identity than configured", "no drive is started"),
     (

@@ -24,6 +24,7 @@ mod sample_set;
 mod speed;
 mod torque;
 mod torque_range;
+mod zero_torque;
 
 pub(super) use sample_filter::{FilterResult, SampleFilter};
 pub(super) use sample_set::SampleSet;
@@ -37,6 +38,7 @@ use crate::plausibility::missing_rate::MissingRate;
 use crate::plausibility::speed::{Snapshot, Speed, SpeedLimits};
 use crate::plausibility::torque::Torque;
 use crate::plausibility::torque_range::TorqueRange;
+use crate::plausibility::zero_torque::ZeroTorque;
 use config::Config;
 use controller::arm::JointKind;
 use controller::torque_delay::TorqueDelay;
@@ -65,6 +67,7 @@ struct Checks {
     torque: Torque,
     held_target: HeldTarget,
     missing_rate: MissingRate,
+    zero_torque: ZeroTorque,
     /// Target torques sent, in ‰ of rated torque.
     sent: TorqueDelay<[i16; 6]>,
 }
@@ -99,6 +102,7 @@ impl Plausibility {
             torque: Torque::new(torque_range, settings.torque_differs),
             held_target: HeldTarget::new(),
             missing_rate: MissingRate::new(config.period, settings.max_missing_percent),
+            zero_torque: ZeroTorque::default(),
             sent: TorqueDelay::new([0; 6]),
         };
         Self { initial, checks: initial }
@@ -128,6 +132,12 @@ impl Plausibility {
         self.checks.sent.push(*targets);
         self.checks.torque.on_sent(targets);
         self.checks.held_target.on_sent(targets);
+        self.checks.zero_torque.on_sent(targets);
+    }
+
+    /// Returns the newest torque actual value (6077h) of each joint since zero target torque acts.
+    pub(super) const fn torques_at_zero(&self) -> [Option<PerMille>; 6] {
+        self.checks.zero_torque.shown()
     }
 
     /// Returns the joints whose drives are the likeliest to hold another target than was sent.
@@ -161,6 +171,7 @@ impl Checks {
         let frozen = self.frozen.check(sampled, &self.sent.acted());
         let torque = self.torque.check(sampled);
         let held = self.held_target.check(&sampled.demands);
+        self.zero_torque.on_samples(sampled);
         let limits = self.limits.check(&output.q);
         let missing = self.missing_rate.end_cycle(&sampled.fresh);
         speed.or(frozen).or(held).or(torque).or(limits).or(missing)

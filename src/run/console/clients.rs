@@ -182,6 +182,7 @@ mod tests {
     use crate::console::request_queue::{RequestReceiver, channel};
     use crate::latest_status::LatestStatus;
     use crate::scratch::any_record;
+    use node::push::Push;
     use node::record::{Mode, Record};
     use node::{BringUpError, Request, RequestError};
     use telemetry::losses::Losses;
@@ -196,6 +197,9 @@ mod tests {
 
     /// Time on the bus; constant.
     const NOW: Instant = Instant::from_micros(1_000_000);
+
+    /// Time in which a disarm is answered.
+    const LIMIT: Duration = Duration::from_millis(100);
 
     fn run<T: Future<Output = ()>>(name: &str, test: impl FnOnce(PathBuf, RequestReceiver) -> T) {
         run_with(name, |path, receiver, _latest| test(path, receiver));
@@ -213,7 +217,8 @@ mod tests {
             let (sender, mut receiver) = channel();
             receiver.end_boot(Instant::ZERO);
             let latest = LatestStatus::default();
-            let handler = Arc::new(RequestHandler::new(sender, latest.clone(), || NOW, None));
+            let handler =
+                Arc::new(RequestHandler::new(sender, latest.clone(), || NOW, None, LIMIT));
             let bench = Bench { socket: Socket::bind(path.clone()).unwrap(), folder, handler };
             tokio::select! {
                 () = bench.socket.serve(&bench.handler) => {}
@@ -390,6 +395,32 @@ mod tests {
             sleep(Duration::from_millis(5)).await;
             receiver.complete_disarm(receiver.pending_disarm().unwrap(), Mode::Armed);
             assert_eq!(answer(&mut client).await, "{\"ok\":true,\"mode\":\"armed\"}\n");
+        });
+    }
+
+    #[test]
+    fn client_that_waits_for_its_disarm_delays_no_other() {
+        run_with("waits", |path, receiver, latest| async move {
+            let record = any_record();
+            let set = |push| {
+                let record = Record { at: NOW, mode: Mode::Ready, pushes: [push; 6], ..record };
+                latest.set(&record, 0, Losses::default());
+            };
+            set(Push::Unknown);
+            let mut waits = send(&path, DISARM).await;
+            let left = send(&path, DISARM).await;
+            sleep(Duration::from_millis(5)).await;
+            receiver.complete_disarm(receiver.pending_disarm().unwrap(), Mode::Ready);
+            drop(left);
+            let mut client = send(&path, STATUS).await;
+            let status = timeout(Duration::from_millis(5), answer(&mut client)).await.unwrap();
+            assert!(status.starts_with("{\"ok\":true,\"mode\":\"ready\""), "{status}");
+            let answered = answer(&mut waits).await;
+            assert!(answered.starts_with("{\"ok\":false,\"error\":\"ready, but joint 1 may push"));
+            assert!(
+                answered.contains("\"mode\":\"ready\",\"may_push\":[1,2,3,4,5,6]"),
+                "{answered}"
+            );
         });
     }
 

@@ -2,7 +2,7 @@
 //!
 //! Requests are `{"ask":"status"}`, `{"ask":"arm"}`, `{"ask":"disarm"}`, `{"ask":"reset"}`, `{"ask":"mode rate"}`,
 //! `{"ask":"mode pose"}`, `{"ask":"scale motion 0.5"}`, `{"ask":"lock rz on"}` and `{"ask":"align"}`. Responses are
-//! `{"ok":true,…}` or `{"ok":false,"error":"…"}`.
+//! `{"ok":true,…}` or `{"ok":false,"error":"…"}`. A disarm is answered with `ok` once no drive may push.
 //!
 //! | file              | content                                                         |
 //! |-------------------|-----------------------------------------------------------------|
@@ -11,9 +11,11 @@
 //! | `clients`         | one task per client, their maximum number and their timeouts    |
 //! | `request_handler` | execution of a client's request                                 |
 //! | `journal`         | log of requests, and the remark on the status                   |
+//! | `disarm_response` | response to a disarm, by the drives' torques                    |
 //! | `request_queue`   | queue of requests to the cycle; disarm precedes all others      |
 
 mod clients;
+mod disarm_response;
 mod journal;
 mod request_handler;
 pub mod request_queue;
@@ -79,7 +81,7 @@ pub(super) struct RequestLine {
 }
 
 /// Line to a client.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 struct Response {
     ok: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -88,18 +90,21 @@ struct Response {
     mode: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     status: Option<Status>,
-    /// Remark on the status, such as the reason why the last reset failed.
+    /// Joints that may push at zero target torque, after a disarm.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    may_push: Vec<u8>,
+    /// Remark on the status, such as the reason why the last reset failed; cause of a stop, after a disarm.
     #[serde(skip_serializing_if = "Option::is_none")]
     note: Option<String>,
 }
 
 impl Response {
     fn refused(reason: &impl ToString) -> Self {
-        Self { ok: false, error: Some(reason.to_string()), mode: None, status: None, note: None }
+        Self { ok: false, error: Some(reason.to_string()), ..Self::default() }
     }
 
     fn granted(mode: Mode) -> Self {
-        Self { ok: true, error: None, mode: Some(mode.name()), status: None, note: None }
+        Self { ok: true, mode: Some(mode.name()), ..Self::default() }
     }
 }
 

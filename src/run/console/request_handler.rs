@@ -1,12 +1,13 @@
 //! Execution of requests: passes them to the cycle, and withdraws them if the client disconnects.
 
 use std::fmt;
+use std::pin::{Pin, pin};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use tokio::sync::oneshot;
-use tokio::time::{sleep, timeout};
+use tokio::time::{Sleep, sleep, timeout};
 
 use crate::console::journal::{self, Journal};
 use crate::console::request_queue::{Denial, Outcome, Phase, RequestSender};
@@ -14,7 +15,7 @@ use crate::console::{ConsoleCommand, Response};
 use crate::latest_status::LatestStatus;
 use controller::switches::CommandMode;
 use node::Request;
-use node::record::Mode;
+use node::record::{Mode, Record};
 use units::time::Instant;
 
 /// Time allowed for the cycle to answer. A reset, which may boot, has no limit here.
@@ -29,15 +30,14 @@ const STATUS_POLL: Duration = Duration::from_millis(1);
 /// Time allowed for the status to show a granted request.
 const STATUS_TIMEOUT: Duration = Duration::from_millis(50);
 
-/// Time allowed for the status to show the end of a disarm's ramp, which takes 50 ms.
-const RAMP_TIMEOUT: Duration = Duration::from_millis(100);
-
 /// Passes clients' requests to the cycle and returns the responses.
 pub(crate) struct RequestHandler {
     sender: RequestSender,
     latest: LatestStatus,
     clock: Box<dyn Fn() -> Instant + Send + Sync>,
     journal: Mutex<Journal>,
+    /// Time from a request to disarm until its response names the joints that may push.
+    disarm_timeout: Duration,
 }
 
 impl fmt::Debug for RequestHandler {
@@ -56,15 +56,17 @@ impl Drop for WithdrawOnDrop {
 }
 
 impl RequestHandler {
-    /// Returns a handler. `clock` returns the time on the bus; the status contains `remark` until a reset succeeds.
+    /// Returns a handler. `clock` returns the time on the bus; the status contains `remark` until a reset succeeds. A disarm
+    /// is answered after `disarm_timeout` at the latest.
     pub(crate) fn new(
         sender: RequestSender,
         latest: LatestStatus,
         clock: impl Fn() -> Instant + Send + Sync + 'static,
         remark: Option<String>,
+        disarm_timeout: Duration,
     ) -> Self {
         let journal = Mutex::new(Journal::new(remark));
-        Self { sender, latest, clock: Box::new(clock), journal }
+        Self { sender, latest, clock: Box::new(clock), journal, disarm_timeout }
     }
 
     /// Returns the time on the bus.
@@ -149,6 +151,7 @@ impl RequestHandler {
 
     /// Disarms, even if the client disconnects.
     pub(super) async fn disarm(&self, uid: Option<u32>) -> Response {
+        let limit = pin!(sleep(self.disarm_timeout));
         let disarm = self.sender.request_disarm();
         let done = async {
             loop {
@@ -164,8 +167,11 @@ impl RequestHandler {
                 let outcome =
                     if mode.allows_torque() { "torque ramps to zero" } else { mode.name() };
                 self.log(uid, Request::Disarm, outcome);
-                self.wait_for_status().await;
-                Response::granted(self.mode_after_ramp(mode).await)
+                let response = self.response_to_disarm(mode, limit).await;
+                if let Some(reason) = &response.error {
+                    self.log(uid, Request::Disarm, reason);
+                }
+                response
             }
             Ok(Err(denied)) => Response::refused(&denied),
             Err(_) => {
@@ -190,23 +196,32 @@ impl RequestHandler {
         timeout(STATUS_TIMEOUT, shown).await.ok();
     }
 
-    /// Waits for the end of the ramp of a disarm that led to `granted`; returns the mode then shown.
-    async fn mode_after_ramp(&self, granted: Mode) -> Mode {
-        let shown = || {
-            let status = self.latest.get();
-            status.and_then(|status| Mode::ALL.into_iter().find(|mode| mode.name() == status.mode))
-        };
-        let over = async {
-            while granted.allows_torque() && self.sender.phase() == Phase::Running {
-                match shown() {
-                    Some(mode) if !mode.allows_torque() => break,
-                    Some(_) | None => sleep(STATUS_POLL).await,
-                }
+    /// Waits until no drive may push after a disarm that led to `granted`, or until `limit`; returns the response.
+    async fn response_to_disarm(&self, granted: Mode, limit: Pin<&mut Sleep>) -> Response {
+        let granted_at = self.now();
+        let is_stale = |record: &Record| record.at < granted_at;
+        let is_open = |record: &Record| is_stale(record) || !record.is_torque_free();
+        let over = async || {
+            while granted != Mode::Boot
+                && self.sender.phase() == Phase::Running
+                && self.latest.record().as_ref().is_some_and(is_open)
+            {
+                sleep(STATUS_POLL).await;
             }
         };
-        // A late recorder thread, or another client that arms, must not delay the response further.
-        timeout(RAMP_TIMEOUT, over).await.ok();
-        if granted.allows_torque() { shown().unwrap_or(granted) } else { granted }
+        tokio::select! {
+            biased;
+            () = over() => {}
+            () = limit => {}
+        }
+        if self.latest.record().is_some_and(|record| record.mode.allows_torque()) {
+            // A late recorder thread, or another client that arms, must not delay the response further.
+            timeout(STATUS_TIMEOUT, over()).await.ok();
+        }
+        let newest = self.latest.record().zip(self.latest.get());
+        let is_stale = newest.as_ref().is_some_and(|(record, _)| is_stale(record));
+        let newest = newest.as_ref().map(|(record, status)| (record, status));
+        Response::to_disarm(granted, newest, is_stale)
     }
 
     fn status(&self) -> Response {
@@ -216,7 +231,7 @@ impl RequestHandler {
             Phase::Running | Phase::Ending => self.latest.get(),
         };
         let mode = latest.as_ref().map_or(Mode::Boot.name(), |status| status.mode);
-        Response { ok: true, error: None, mode: Some(mode), status: latest, note }
+        Response { ok: true, mode: Some(mode), status: latest, note, ..Response::default() }
     }
 
     fn log(&self, uid: Option<u32>, request: Request, outcome: &str) {
@@ -237,12 +252,15 @@ mod tests {
     use super::*;
     use crate::console::request_queue::{RequestReceiver, channel};
     use crate::scratch::any_record;
-    use node::record::Record;
+    use node::push::Push;
     use node::safety::Refusal;
     use node::{BringUpError, RequestError};
     use telemetry::losses::Losses;
+    use units::drive::PerMille;
 
     const NOW: Instant = Instant::from_micros(1_000_000);
+
+    const LIMIT: Duration = Duration::from_millis(100);
 
     /// Runs `test` with the handler of a running node and paused time: timers expire as soon as no task can proceed.
     fn run<T: Future<Output = ()>>(
@@ -252,7 +270,7 @@ mod tests {
         receiver.end_boot(Instant::ZERO);
         let latest = LatestStatus::default();
         let note = Some("left of a run".to_owned());
-        let handler = Arc::new(RequestHandler::new(sender, latest.clone(), || NOW, note));
+        let handler = Arc::new(RequestHandler::new(sender, latest.clone(), || NOW, note, LIMIT));
         let mut runtime = tokio::runtime::Builder::new_current_thread();
         let runtime = runtime.enable_time().start_paused(true).build().unwrap();
         runtime.block_on(test(handler, receiver, latest));
@@ -342,6 +360,83 @@ mod tests {
             assert!(answer.error.unwrap().ends_with("within 1 s: the disarm stays requested"));
             assert!(receiver.pending_disarm().is_some());
         });
+    }
+
+    /// Returns the response to a disarm after which the newest record has these modes and pushes of the elbow, each after
+    /// milliseconds, and the time of the response.
+    #[expect(clippy::disallowed_methods, reason = "time of the test is paused, and is tokio's")]
+    fn disarmed(shown: &'static [(u64, Mode, Push)]) -> (Response, Duration) {
+        let (result, response) = std::sync::mpsc::channel();
+        run(|handler, receiver, latest| async move {
+            let record = any_record();
+            let set = |mode, push| {
+                let pushes = [
+                    Push::Excluded,
+                    Push::Excluded,
+                    push,
+                    Push::Excluded,
+                    Push::Excluded,
+                    Push::Excluded,
+                ];
+                latest.set(&Record { at: NOW, mode, pushes, ..record }, 0, Losses::default());
+            };
+            set(Mode::Armed, Push::Unknown);
+            let asked_at = tokio::time::Instant::now();
+            let node = async {
+                sleep(Duration::from_millis(2)).await;
+                receiver.complete_disarm(receiver.pending_disarm().unwrap(), Mode::Armed);
+                for (at, mode, push) in shown {
+                    tokio::time::sleep_until(asked_at + Duration::from_millis(*at)).await;
+                    set(*mode, *push);
+                }
+            };
+            let answer = async {
+                let answer = handler.answer(ConsoleCommand::Disarm, None).await;
+                result.send((answer, asked_at.elapsed())).unwrap();
+            };
+            tokio::join!(answer, node);
+        });
+        response.recv().unwrap()
+    }
+
+    const PUSHES: Push = Push::Shown(PerMille(-225));
+
+    #[test]
+    fn disarm_is_answered_once_no_drive_may_push() {
+        let (answer, after) = disarmed(&[
+            (52, Mode::Ready, Push::Unknown),
+            (62, Mode::Ready, PUSHES),
+            (80, Mode::Ready, Push::Excluded),
+        ]);
+        assert_eq!((answer.ok, answer.mode, answer.may_push), (true, Some("ready"), vec![]));
+        assert!((80..=81).contains(&after.as_millis()), "{after:?}");
+    }
+
+    #[test]
+    fn hazard_13_disarm_names_a_joint_that_may_push() {
+        for (push, evidence) in [(PUSHES, "shows -225 ‰"), (Push::Unknown, "was not received")] {
+            let shown: &'static [_] = Box::leak(Box::new([(52, Mode::Ready, push)]));
+            let (answer, after) = disarmed(shown);
+            assert_eq!((answer.ok, answer.mode, answer.may_push), (false, Some("ready"), vec![3]));
+            assert_eq!(after.as_millis(), 100);
+            let error = answer.error.unwrap();
+            let expected =
+                format!("ready, but joint 3 may push: 6077h {evidence}; do not reach in");
+            assert!(error.starts_with(&expected), "{error}");
+        }
+    }
+
+    #[test]
+    fn stop_after_a_disarm_is_in_its_response() {
+        let (answer, after) = disarmed(&[
+            (52, Mode::Ready, PUSHES),
+            (92, Mode::ZeroTorque, PUSHES),
+            (98, Mode::ZeroTorque, Push::Excluded),
+        ]);
+        assert_eq!((answer.ok, answer.mode), (true, Some("zero-torque")));
+        assert!(after.as_millis() < 100, "{after:?}");
+        let (answer, _) = disarmed(&[(92, Mode::ZeroTorque, PUSHES)]);
+        assert!(answer.error.unwrap().starts_with("zero-torque, but joint 3 may push"));
     }
 
     #[test]

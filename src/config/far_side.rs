@@ -13,6 +13,7 @@ use crate::raw;
 use crate::remote::{given, is_both, is_link};
 use crate::robots::RobotArm;
 use crate::value::Optional;
+use ::remote::delay::HOLD_AFTER;
 use ::remote::model::Difference;
 use ::remote::site::Virtual;
 use ::remote::stated::StatedCapability;
@@ -101,7 +102,7 @@ pub(super) fn read(
         let stated = StatedCapability {
             stiffest_contact: stiffest?,
             sample_period: sample_period?.map_or(f64::INFINITY, |period| period / 1e3),
-            hold_after: hold_after?.map_or(f64::INFINITY, |age| age.as_secs_f64()),
+            hold_after: hold_after?.unwrap_or(HOLD_AFTER).as_secs_f64(),
             sensor_range: [force?.unwrap_or(0.0), moment?.unwrap_or(0.0)],
             ..StatedCapability::from_interaction(interaction, servo)
         };

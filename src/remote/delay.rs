@@ -2,6 +2,9 @@
 
 use std::time::Duration;
 
+/// Default age of the newest command after which a far side holds.
+pub const HOLD_AFTER: Duration = Duration::from_millis(100);
+
 /// Parameters of a link, the same in both directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DelaySettings {
@@ -33,7 +36,7 @@ impl Default for DelaySettings {
             reorders: false,
             outage: None,
             period: Duration::from_millis(1),
-            hold_after: Duration::from_millis(100),
+            hold_after: HOLD_AFTER,
             seed: 1,
         }
     }

@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use crate::delay::HOLD_AFTER;
 use contract::{Capability, PayloadRemoval, Reject, VERSION};
 use robot::interaction::Interaction;
 use robot::object::Servo;
@@ -26,7 +27,7 @@ pub struct StatedCapability {
     pub stiffest_contact: f64,
     /// Maximum cycle period, in s; infinite if not configured.
     pub sample_period: f64,
-    /// Maximum age of a command that the far side follows, in s; infinite if not configured.
+    /// Maximum age of a command that the far side follows, in s.
     pub hold_after: f64,
     /// Minimum sensor range, in N and N·m; zero if not configured.
     pub sensor_range: [f64; 2],
@@ -88,7 +89,7 @@ fn foreign(reject: Reject) -> String {
 }
 
 impl StatedCapability {
-    /// Creates the figures of `[remote]`; those of `[remote.link]` are not configured.
+    /// Creates the figures of `[remote]`; those of `[remote.link]` are their defaults.
     pub fn from_interaction(interaction: &Interaction, servo: &Servo) -> Self {
         let Interaction { payload, removes_inertia, feels_payload, accommodation, .. } =
             interaction;
@@ -105,7 +106,7 @@ impl StatedCapability {
             payload_removal,
             stiffest_contact: f64::INFINITY,
             sample_period: f64::INFINITY,
-            hold_after: f64::INFINITY,
+            hold_after: HOLD_AFTER.as_secs_f64(),
             sensor_range: [0.0; 2],
         }
     }
@@ -210,14 +211,15 @@ impl Figure {
 
     fn misfit(self) -> Option<Misfit> {
         let Self { key, stated, found, needs } = self;
-        let is_above = found > stated * (1.0 + TOLERANCE);
-        let is_below = found < stated * (1.0 - TOLERANCE);
-        let is_worse = match needs {
-            Needs::Alike => is_above || is_below,
-            Needs::AtMost => is_above,
-            Needs::AtLeast => is_below,
+        // NaN is neither.
+        let is_at_most = found <= stated * (1.0 + TOLERANCE);
+        let is_at_least = found >= stated * (1.0 - TOLERANCE);
+        let fits = match needs {
+            Needs::Alike => is_at_most && is_at_least,
+            Needs::AtMost => is_at_most,
+            Needs::AtLeast => is_at_least,
         };
-        is_worse.then_some(Misfit::Worse { key, stated, found })
+        (!fits).then_some(Misfit::Worse { key, stated, found })
     }
 }
 

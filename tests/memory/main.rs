@@ -37,6 +37,7 @@ mod energy;
 mod experiments;
 mod far_pump;
 mod far_side;
+mod far_side_fit;
 mod faults;
 mod fidelity;
 mod friction_sweep;

@@ -112,6 +112,7 @@ fn check_of_the_file_of_a_node_has_the_figures_of_its_robot() {
     let text = with_model("kraft_like").replace("\"../eds/", &format!("\"{ROOT}/eds/"));
     let beside_a_model = far_side(&scratch.write("model.toml", &text));
     assert_eq!(beside_a_model["model_limit_m"], 0.02);
+    assert_eq!(beside_a_model["max_hold_after_s"], 0.1, "by default");
     assert!((beside_a_model["model_limit_deg"].as_f64().unwrap() - 5.0).abs() < 1e-9);
 }
 

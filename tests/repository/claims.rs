@@ -118,7 +118,11 @@ pub(crate) const HAZARDS: [Claim; 50] = [
     (31, "The wall clock steps; the host sleeps", "no effect; drives off"),
     (32, "The disk is full or slow, the log floods", "no effect on the cycle"),
     (33, "A wrench that is NaN, infinite or huge", "no effect beyond cap and slew"),
-    (34, "The link to the remote side is lost", "no reflection after 70 ms"),
+    (
+        34,
+        "The link to the remote side is lost",
+        "no reflection after 70 ms; the robot follows no command older than 100 ms (`hold_after_ms`)",
+    ),
     (35, "The link repeats an old wrench", "no reflection after 70 ms"),
     (36, "Wrenches come late, twice or in another order", "an older one is never used"),
     (37, "Wrenches are forged, replayed, or from another session", "no effect at all"),

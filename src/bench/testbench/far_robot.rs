@@ -15,6 +15,7 @@ use crate::robot_site::{Equipment, Measurement, NoRobot, RobotSite};
 use config::Config;
 use config::robots::RobotArm;
 use contract::{Capability, FarEnd, Feedback, Measurements, Reason, Rejects};
+use remote::delay::HOLD_AFTER;
 use remote::site::Virtual;
 use remote::stated::StatedCapability;
 use remote::{Command, Remote, RemoteSample, messages};
@@ -51,7 +52,7 @@ pub struct SensorRange {
 impl Default for RobotLimits {
     fn default() -> Self {
         Self {
-            hold_after: Duration::from_millis(100),
+            hold_after: HOLD_AFTER,
             sensor_range: SensorRange { force: 200.0, moment: 20.0 },
             max_missed_readings: 3,
             wrench: WrenchLimit { force: 100.0, moment: 10.0 },

@@ -170,6 +170,25 @@ fn far_side_is_compared_before_arming() {
 }
 
 #[test]
+fn figure_that_is_nan_is_worse_than_any_other() {
+    let misfits = |change: fn(&mut Capability)| {
+        let mut has = capability();
+        change(&mut has);
+        stated().misfits(&has)
+    };
+    for change in [
+        (|has| has.hold_after = f64::NAN) as fn(&mut Capability),
+        |has| has.sensor_range[0] = f64::NAN,
+        |has| has.accommodation[4] = f64::NAN,
+        |has| has.sample_period = f64::NAN,
+    ] {
+        let found = misfits(change);
+        assert!(matches!(found[..], [Misfit::Worse { found, .. }] if found.is_nan()), "{found:?}");
+    }
+    assert_eq!(misfits(|_| {}), []);
+}
+
+#[test]
 fn far_side_of_another_arm_version_or_contract_is_named() {
     let named = |change: fn(&mut Vec<u8>)| {
         let mut rig = Rig::new();

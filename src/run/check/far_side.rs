@@ -10,10 +10,11 @@ use remote::model::Difference;
 pub(super) fn lines(config: &Config) -> impl Iterator<Item = String> {
     let agreed = config.far_side.agreement.map(|Agreement { round_trip, stated }| {
         format!(
-            "far side   arm {} at {}, round trips of up to {:.1} ms, contacts of up to {:.0} N/m",
+            "far side   arm {} at {}, round trips of up to {:.1} ms, a hold after {:.0} ms, contacts of up to {:.0} N/m",
             config.far_side.arm,
             commanded_side::socket_of(config).display(),
             round_trip.as_secs_f64() * 1e3,
+            stated.hold_after * 1e3,
             stated.stiffest_contact
         )
     });
@@ -39,7 +40,7 @@ pub(super) fn json(config: &Config) -> Value {
         "model_limit_deg": limit.map(|limit| limit.angle.to_degrees()),
         "stiffest_contact_n_per_m": stated.stiffest_contact,
         "max_sample_period_s": bounded(stated.sample_period),
-        "max_hold_after_s": bounded(stated.hold_after),
+        "max_hold_after_s": stated.hold_after,
         "min_sensor_range": stated.sensor_range,
         "max_servo_lag_s": stated.servo_lag,
         "max_speed": stated.max_speed,

@@ -175,6 +175,31 @@ fn hazard_34_silence_holds_until_a_new_epoch() {
     assert!(ends.moved(ahead(0.05), 100) > 3e-3);
 }
 
+/// Returns the distance, in m, that the robot moves at `speed` after the newest command of a node that is killed.
+fn moved_after_a_kill(hold_after: Duration, speed: f64) -> f64 {
+    let limits = RobotLimits { hold_after, ..RobotLimits::default() };
+    let mut ends = Ends::armed(&config(&[]), limits);
+    ends.run(ahead(speed), 300);
+    let before = *ends.far.site().pose();
+    ends.step_alone(3_000);
+    assert_eq!(ends.far.reason(), Reason::Silence);
+    let x_m_m = before.inverse() * ends.far.site().pose();
+    x_m_m.translation.vector.norm()
+}
+
+#[test]
+fn hazard_34_robot_of_a_killed_node_stops_in_its_hold_after() {
+    // Away from the wall, up to the maximum speed of the file.
+    for speed in [-0.063, -0.25, -0.5] {
+        let [usual, longer] = [MS * 100, MS * 300].map(|age| moved_after_a_kill(age, speed));
+        println!("{speed} m/s: {:.1} mm at 100 ms, {:.1} mm at 300 ms", usual * 1e3, longer * 1e3);
+        // The servo's lag of 10 ms is in the speed before, and in the stop.
+        let way = |age: f64| speed.abs() * age;
+        assert!(usual > way(0.09) && usual < way(0.115), "{speed} m/s: {usual} m");
+        assert!(longer > way(0.28) && longer < way(0.315), "{speed} m/s: {longer} m");
+    }
+}
+
 /// Returns the measurements with wrong values.
 type Corruption = fn(Measurement) -> Measurement;
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Sequence, Tuple
+from typing import Any, Sequence, Tuple
 
 from . import codec
 from .messages import GRIPPER_FLAG, POSE_FLAG, WRENCH_FLAG, Head, are_within, impossible, open_message, pack_message
@@ -15,6 +15,11 @@ ARRAYS = dict(accommodation=6, deadband=6, sensor_range=2, max_speed=2, workspac
 SCALARS = "servo_lag", "sample_period", "hold_after", "stiffest_contact"
 FIGURES = *ARRAYS, *SCALARS
 SIGNED = "workspace_low", "workspace_high"
+
+
+def is_ordered(figures: Any) -> bool:
+    """Returns whether no position of workspace_low is above that of workspace_high."""
+    return all(low <= high for low, high in zip(figures.workspace_low, figures.workspace_high))
 
 
 class PayloadRemoval(IntEnum):
@@ -56,6 +61,8 @@ class Capability:
                 raise ValueError(f"{name} must be {'a number' if name in SIGNED else 'at least 0'}, got {value}")
             numbers = tuple(max(-MAX_FIGURE, min(one, MAX_FIGURE)) for one in numbers)
             object.__setattr__(self, name, numbers if name in ARRAYS else numbers[0])
+        if not is_ordered(self):
+            raise ValueError(f"workspace_high must be at least workspace_low, {self.workspace_low}, got {self.workspace_high}")
 
     def encode(self, head: Head) -> bytes:
         """Encodes the figures."""
@@ -73,6 +80,8 @@ class Capability:
             numbers = value if name in ARRAYS else (value,)
             if not are_within(numbers, MAX_FIGURE) or name not in SIGNED and any(one < 0.0 for one in numbers):
                 impossible()
+        if not is_ordered(fields):
+            impossible()
         if fields.senses > 7 or fields.follows > 3 or fields.payload_removal > max(PayloadRemoval):
             impossible()
         return head, cls(

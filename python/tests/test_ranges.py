@@ -92,10 +92,17 @@ class Ranges(unittest.TestCase):
                 self.is_bound(3, -0.0, fields)
 
     def test_workspace_is_within_1e9(self):
-        for name in ("workspace_low", "workspace_high"):
-            for place in range(3):
-                for bound in (1e9, -1e9):
-                    self.is_bound(3, bound, lambda v: {name: at(place, v, 3)})
+        for place in range(3):
+            for bound in (1e9, -1e9):
+                self.is_bound(3, bound, lambda v: dict(workspace_low=at(place, v, 3, -1e9), workspace_high=(1e9,) * 3))
+                self.is_bound(3, bound, lambda v: dict(workspace_low=(-1e9,) * 3, workspace_high=at(place, v, 3, 1e9)))
+
+    def test_workspace_has_no_low_above_its_high(self):
+        for place in range(3):
+            for low, high, expected in ((0.5, 0.5, None), (0.5, math.nextafter(0.5, 0), Reject.IMPOSSIBLE),
+                                        (-1.0, -2.0, Reject.IMPOSSIBLE)):
+                fields = dict(workspace_low=at(place, low, 3, -3.0), workspace_high=at(place, high, 3, 3.0))
+                self.assertIs(reject(message(3, **fields), 3), expected, f"{fields}")
 
     def test_codes_have_a_meaning(self):
         cases = [(1, name, top) for name, top in (("mode", 2), ("engaged", 1), ("asks_capability", 1), ("has_gripper", 1))]
@@ -152,6 +159,8 @@ class Figures(unittest.TestCase):
                                    ("workspace_low", (0, 0, NAN), "a number"), ("deadband", (1.0,), "6 numbers")):
             with self.assertRaisesRegex(ValueError, f"^{name} must .*{words}"):
                 Capability(**{name: value})
+        with self.assertRaisesRegex(ValueError, "^workspace_high must be at least workspace_low"):
+            Capability(workspace_low=(0, 0, 0.5), workspace_high=(1, 1, 0.4))
 
 
 if __name__ == "__main__":

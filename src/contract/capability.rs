@@ -99,11 +99,13 @@ impl Capability {
         let [stiffest_contact] = reader.numbers()?;
         let max_speed: [f64; 2] = reader.numbers()?;
         let workspace: [[f64; 3]; 2] = [reader.numbers()?, reader.numbers()?];
+        let [low, high] = &workspace;
         let not_negative = [servo_lag, sample_period, hold_after, stiffest_contact];
         let not_negative = not_negative.iter().chain(&accommodation).chain(&deadband);
         let not_negative = not_negative.chain(&sensor_range).chain(&max_speed);
         let is_possible = not_negative.into_iter().all(|one| (0.0..=MAX_FIGURE).contains(one))
-            && workspace.iter().all(|corner| are_within(corner, MAX_FIGURE));
+            && workspace.iter().all(|corner| are_within(corner, MAX_FIGURE))
+            && low.iter().zip(high).all(|(low, high)| low <= high);
         if !is_possible {
             return Err(Reject::Impossible);
         }

@@ -12,15 +12,7 @@
 //! mode it is a clutch while held: it sets the reference in every cycle (the index button of the paper). A switch
 //! that is closed in the first cycle is ignored until it is released.
 
-/// Quantity that the hand's displacement commands.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum CommandMode {
-    /// Displacement commands velocity (Fig. 3).
-    #[default]
-    Rate,
-    /// Displacement commands displacement (3.5).
-    Pose,
-}
+pub use units::spatial::CommandMode;
 
 /// Levels of the switches; `true` is closed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -56,7 +56,7 @@ pub enum Input {
     Sensed(Option<RemoteSample>),
     /// Error of the commanded side.
     SideError(Option<SideError>),
-    /// Reasons against arming with this commanded side, as text.
+    /// Reasons against arming with this commanded side, or the one against a change of the command mode, as text.
     Misfits(Vec<String>),
     /// Answer of the owner whether to end: in a boot, a reset's boot, or a stop.
     Polled(bool),

@@ -71,7 +71,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     ///
     /// # Errors
     /// When the mode does not allow the request, or the boot of a reset fails or is given up. Arming also fails if a fact
-    /// of a drive is stated only, the force exceeds its cap, or the arm is not at rest.
+    /// of a drive is stated only, the force exceeds its cap, the arm is not at rest, or the commanded side does not fit; a
+    /// change of the command mode while armed, if the commanded side does not follow it.
     pub fn request(
         &mut self,
         request: Request,
@@ -90,10 +91,20 @@ impl<B: Bus, R: Remote> Node<B, R> {
             }
             Request::Disarm => self.safety.disarm(),
             Request::Reset => self.reset(now, give_up)?,
-            Request::Command(mode) => self.control.command_mode = mode,
+            Request::Command(mode) => self.set_command_mode(mode)?,
             Request::Adjust(adjustment) => self.control.adjust(adjustment)?,
         }
         Ok(self.mode())
+    }
+
+    /// Changes the command mode. While armed, the commanded side must follow it; otherwise the next arming or reset compares.
+    fn set_command_mode(&mut self, mode: CommandMode) -> Result<(), RequestError> {
+        if matches!(self.mode(), Mode::Armed | Mode::Engaged) {
+            let misfit = self.remote_side.remote.mode_misfit(mode);
+            refuse(misfit.into_iter().map(Unfit::from).collect())?;
+        }
+        self.control.command_mode = mode;
+        Ok(())
     }
 
     /// Checks facts, force, posture and the commanded side.
@@ -110,7 +121,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Returns each reason against arming with this commanded side.
     fn misfits(&mut self, now: Instant) -> impl Iterator<Item = Unfit> {
-        self.remote_side.remote.misfits(now).into_iter().map(Unfit::from)
+        let mode = self.control.command_mode;
+        self.remote_side.remote.misfits(now, mode).into_iter().map(Unfit::from)
     }
 
     /// Ends a stop, with a boot if any of its causes requires one. If the boot fails the stop remains.

@@ -36,7 +36,7 @@ use crate::stated::Misfit;
 use ::robot::chain::MAX_JOINTS;
 pub use contract::Gripper;
 use contract::{MAX_DISTANCE, MAX_WRENCH, NORM_TOLERANCE, Reason};
-use units::spatial::{Motion, Wrench};
+use units::spatial::{CommandMode, Motion, Wrench};
 use units::time::Instant;
 
 /// Joint positions of a robot, base first, in rad; zero for absent joints.
@@ -75,9 +75,14 @@ pub trait Remote {
     /// Ends the epoch, after a disarming or a stop.
     fn end_epoch(&mut self) {}
 
-    /// Returns every reason against arming with this commanded side. Called between two cycles.
-    fn misfits(&mut self, _now: Instant) -> Vec<Misfit> {
+    /// Returns every reason against arming with this commanded side in a command mode. Called between two cycles.
+    fn misfits(&mut self, _now: Instant, _mode: CommandMode) -> Vec<Misfit> {
         Vec::new()
+    }
+
+    /// Returns the reason against a change to a command mode while armed. Called between two cycles.
+    fn mode_misfit(&mut self, _mode: CommandMode) -> Option<Misfit> {
+        None
     }
 
     /// Returns the joint positions of the robot, if this process knows them. They serve views only, and have no link delay.

@@ -3,12 +3,16 @@
 use thiserror::Error;
 
 use crate::delay::HOLD_AFTER;
-use contract::{Capability, PayloadRemoval, Reject, VERSION};
+use contract::{Capability, PayloadRemoval, Pose, Reject, VERSION};
 use robot::interaction::Interaction;
 use robot::object::Servo;
+use units::spatial::CommandMode;
 
 /// Relative tolerance of a comparison, since each end may have rounded the same figure.
 const TOLERANCE: f64 = 1e-6;
+
+/// Distance, in m, by which a robot at a limit of its workspace may be beyond it: the error of its servos.
+const WORKSPACE_MARGIN: f64 = 1e-3;
 
 /// Figures of the far side that the gain check and the limits assume.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,6 +70,21 @@ pub enum Misfit {
         stated: f64,
         /// Figure of the far side, in the unit of the key.
         found: f64,
+    },
+    /// The robot is outside the workspace of its own capability.
+    #[error(
+        "the far side is outside its own workspace: {axis} of {{MRF}} is {position:.4} m, and must be within \
+         {low}..={high}: move the robot, or correct the workspace"
+    )]
+    Outside {
+        /// Axis of {b}.
+        axis: &'static str,
+        /// Position of {MRF}, in m.
+        position: f64,
+        /// Minimum position, in m.
+        low: f64,
+        /// Maximum position, in m.
+        high: f64,
     },
     /// The far side removes less of the payload than configured.
     #[error("[remote] states that the far side removes the payload's {stated}; it removes {found}")]
@@ -132,20 +151,21 @@ impl StatedCapability {
         }
     }
 
-    /// Returns each figure of a capability that is worse than configured.
-    pub fn misfits(&self, has: &Capability) -> Vec<Misfit> {
+    /// Returns each reason against a far side in a command mode: functions that it lacks, figures worse than configured, and
+    /// axes on which it is outside its workspace. `pose` is the newest; without one the workspace is not compared.
+    pub fn misfits(&self, has: &Capability, mode: CommandMode, pose: Option<&Pose>) -> Vec<Misfit> {
         let lacks = [
             (has.senses_wrench, "has no force/torque sensor"),
             (has.senses_pose, "does not measure its pose"),
-            (has.follows_rates, "does not follow rates"),
-            (has.follows_poses, "does not follow poses"),
         ];
         let lacks =
             lacks.into_iter().filter(|(has, _)| !has).map(|(_, reason)| Misfit::Lacks(reason));
+        let lacks = lacks.chain(mode_misfit(has, mode));
+        let outside = pose.filter(|_| has.senses_pose).map(|pose| outside(has, pose));
         let worse = self.figures(has).into_iter().filter_map(Figure::misfit);
         let (stated, found) = (self.payload_removal, has.payload_removal);
         let payload = (found.code() < stated.code()).then_some(Misfit::Payload { stated, found });
-        lacks.chain(worse).chain(payload).collect()
+        lacks.chain(worse).chain(payload).chain(outside.into_iter().flatten()).collect()
     }
 
     fn figures(&self, has: &Capability) -> [Figure; 12] {
@@ -185,6 +205,25 @@ impl StatedCapability {
             ),
         ]
     }
+}
+
+/// Returns the reason against a command mode that the far side does not follow.
+pub fn mode_misfit(has: &Capability, mode: CommandMode) -> Option<Misfit> {
+    let (follows, lacks) = match mode {
+        CommandMode::Rate => (has.follows_rates, "does not follow rates"),
+        CommandMode::Pose => (has.follows_poses, "does not follow poses"),
+    };
+    (!follows).then_some(Misfit::Lacks(lacks))
+}
+
+/// Returns each axis on which {MRF} is outside the workspace.
+fn outside(has: &Capability, pose: &Pose) -> impl Iterator<Item = Misfit> {
+    let [lows, highs] = has.workspace;
+    let axes = ["x", "y", "z"].into_iter().zip(pose.position).zip(lows.into_iter().zip(highs));
+    axes.filter_map(|((axis, position), (low, high))| {
+        let is_inside = (low - WORKSPACE_MARGIN..=high + WORKSPACE_MARGIN).contains(&position);
+        (!is_inside).then_some(Misfit::Outside { axis, position, low, high })
+    })
 }
 
 /// Required relation of a figure to the configured one.

@@ -10,6 +10,7 @@ use remote::link::{self, LinkSettings, LinkSide, LinkThread};
 use remote::site::VirtualSite;
 use remote::stated::Misfit;
 use remote::{Command, Remote, RemoteSample, RobotJoints, SideError};
+use units::spatial::CommandMode;
 use units::time::Instant;
 use unix_socket::SocketFile;
 
@@ -71,40 +72,38 @@ fn listen(
     Ok((side, thread, file))
 }
 
+impl CommandedSide {
+    fn as_remote(&mut self) -> &mut dyn Remote {
+        match self {
+            Self::Virtual(site) => site.as_mut(),
+            Self::Link(side) => side.as_mut(),
+        }
+    }
+}
+
 impl Remote for CommandedSide {
     fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
-        match self {
-            Self::Virtual(site) => site.exchange(now, command),
-            Self::Link(side) => side.exchange(now, command),
-        }
+        self.as_remote().exchange(now, command)
     }
 
     fn begin_epoch(&mut self) {
-        match self {
-            Self::Virtual(site) => site.begin_epoch(),
-            Self::Link(side) => side.begin_epoch(),
-        }
+        self.as_remote().begin_epoch();
     }
 
     fn end_epoch(&mut self) {
-        match self {
-            Self::Virtual(site) => site.end_epoch(),
-            Self::Link(side) => side.end_epoch(),
-        }
+        self.as_remote().end_epoch();
     }
 
-    fn misfits(&mut self, now: Instant) -> Vec<Misfit> {
-        match self {
-            Self::Virtual(site) => site.misfits(now),
-            Self::Link(side) => side.misfits(now),
-        }
+    fn misfits(&mut self, now: Instant, mode: CommandMode) -> Vec<Misfit> {
+        self.as_remote().misfits(now, mode)
+    }
+
+    fn mode_misfit(&mut self, mode: CommandMode) -> Option<Misfit> {
+        self.as_remote().mode_misfit(mode)
     }
 
     fn error(&mut self) -> Option<SideError> {
-        match self {
-            Self::Virtual(site) => site.error(),
-            Self::Link(side) => side.error(),
-        }
+        self.as_remote().error()
     }
 
     fn joints(&self) -> Option<RobotJoints> {

@@ -94,6 +94,15 @@ impl Random {
         std::array::from_fn(|_| self.within(limit))
     }
 
+    /// Returns a workspace whose minimum is not above its maximum.
+    fn workspace(&mut self) -> [[f64; 3]; 2] {
+        let corners: [[f64; 3]; 2] = [self.all_within(2e9), self.all_within(2e9)];
+        let [one, other] = corners;
+        let of =
+            |pick: fn(f64, f64) -> f64| std::array::from_fn(|axis| pick(one[axis], other[axis]));
+        [of(f64::min), of(f64::max)]
+    }
+
     fn pose(&mut self) -> Pose {
         let position = self.all_within(1_000.0);
         let parts: [f64; 4] = self.all_within(1.0);
@@ -198,7 +207,7 @@ fn capability(random: &mut Random, head: Head) -> (&'static str, String, Vec<u8>
         sensor_range: random.all_within(2e9).map(f64::abs),
         stiffest_contact: if random.is() { f64::INFINITY } else { random.within(1e9).abs() },
         max_speed: random.all_within(1e9).map(f64::abs),
-        workspace: [random.all_within(2e9), random.all_within(2e9)],
+        workspace: random.workspace(),
     };
     let [low, high] = &capability.workspace;
     let fields = format!(

@@ -48,8 +48,12 @@ impl Remote for Side {
         self.as_remote().end_epoch();
     }
 
-    fn misfits(&mut self, now: Instant) -> Vec<Misfit> {
-        self.as_remote().misfits(now)
+    fn misfits(&mut self, now: Instant, mode: CommandMode) -> Vec<Misfit> {
+        self.as_remote().misfits(now, mode)
+    }
+
+    fn mode_misfit(&mut self, mode: CommandMode) -> Option<Misfit> {
+        self.as_remote().mode_misfit(mode)
     }
 
     fn error(&mut self) -> Option<SideError> {

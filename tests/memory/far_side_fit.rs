@@ -1,10 +1,15 @@
-//! Comparison of a far side's capability with the configuration: at arming, and at a reset with the drives on.
+//! Comparison of a far side's capability with the configuration: at arming, at a reset with the drives on, and at a change
+//! of the command mode.
 
-use contract::Capability;
+use std::cell::Cell;
+use std::rc::Rc;
+
+use contract::{Capability, Feedback, Reject};
+use controller::switches::CommandMode;
 
 use crate::common::linked::{LINK, linked};
 use crate::common::prelude::*;
-use crate::linked_node::{LinkedNode, Network, ask, booted, cycles, engage};
+use crate::linked_node::{LinkedNode, Network, Peer, ask, booted, cycles, engage};
 
 /// Time after which a node takes a restarted far side for the current one, and the one before for left.
 const RESTART: usize = 300;
@@ -58,6 +63,159 @@ fn hazard_34_longer_hold_of_a_restarted_robot_is_not_reset() {
     assert_eq!(ask(&mut node, Request::Reset), worse_hold("100", "1000"));
     restart(&mut node, |has| has.hold_after = 0.1);
     assert_eq!(ask(&mut node, Request::Reset), Ok(Mode::Armed));
+}
+
+/// Returns the position of {MRF}, in m.
+fn position(node: &LinkedNode) -> [f64; 3] {
+    node.remote().site.pose().translation.vector.into()
+}
+
+#[test]
+fn robot_outside_its_workspace_is_not_armed() {
+    let p = position(&booted_beside("", |_| {}));
+    let beyond = |by: f64| [p.map(|one| one - 0.5), [p[0] + 0.5, p[1] - by, p[2] + 0.5]];
+    for (workspace, is_inside) in [
+        ([p, p], true),
+        (beyond(0.9e-3), true),
+        (beyond(1.1e-3), false),
+        (beyond(0.1), false),
+        ([[-1e9; 3], [1e9; 3]], true),
+        ([[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]], true),
+    ] {
+        let answer = armed("", |has| has.workspace = workspace);
+        assert_eq!(answer.is_ok(), is_inside, "{workspace:?} around {p:?}: {answer:?}");
+    }
+    let [x, _, z] = p;
+    assert_eq!(
+        armed("", |has| has.workspace = [[0.5, -1.0, 0.45], [1.0; 3]]).unwrap_err(),
+        format!(
+            "the far side is outside its own workspace: x of {{MRF}} is {x:.4} m, and must be within 0.5..=1: move the \
+             robot, or correct the workspace; the far side is outside its own workspace: z of {{MRF}} is {z:.4} m, and \
+             must be within 0.45..=1: move the robot, or correct the workspace"
+        )
+    );
+}
+
+#[test]
+fn robot_that_left_its_workspace_is_not_reset() {
+    let (mut node, handle) = booted("kraft_like", LINK, Network::default());
+    engage(&mut node);
+    handle.hold.set(Some(contract::Reason::Robot));
+    cycles(&mut node, 100);
+    assert_eq!(node.mode(), Mode::ReflectionOff);
+    restart(&mut node, |has| has.workspace = [[0.5, -1.0, -1.0], [1.0; 3]]);
+    let refused = ask(&mut node, Request::Reset).unwrap_err();
+    assert!(refused.starts_with("the far side is outside its own workspace: x "), "{refused}");
+    restart(&mut node, |has| has.workspace = [[-1.0; 3], [1.0; 3]]);
+    assert_eq!(ask(&mut node, Request::Reset), Ok(Mode::Armed));
+}
+
+#[test]
+fn workspace_counts_only_for_a_robot_that_senses_its_pose() {
+    let refused = armed("", |has| {
+        has.senses_pose = false;
+        has.workspace = [[5.0; 3], [6.0; 3]];
+    });
+    assert_eq!(refused, Err("the far side does not measure its pose".to_owned()));
+}
+
+const NO_POSES: &str = "the far side does not follow poses";
+const NO_RATES: &str = "the far side does not follow rates";
+
+#[test]
+fn far_side_must_follow_the_present_command_mode_alone() {
+    use CommandMode::{Pose, Rate};
+    for (rates, poses, mode, refused) in [
+        (true, false, Rate, None),
+        (true, false, Pose, Some(NO_POSES)),
+        (false, true, Pose, None),
+        (false, true, Rate, Some(NO_RATES)),
+        (false, false, Rate, Some(NO_RATES)),
+    ] {
+        let mut node = booted_beside("", |has| {
+            (has.follows_rates, has.follows_poses) = (rates, poses);
+        });
+        assert_eq!(ask(&mut node, Request::Command(mode)), Ok(Mode::Ready), "before arming");
+        let answer = ask(&mut node, Request::Arm);
+        assert_eq!(answer.err().as_deref(), refused, "rates {rates}, poses {poses}: {mode:?}");
+    }
+}
+
+#[test]
+fn armed_node_takes_no_mode_that_the_far_side_lacks() {
+    let mut node = booted_beside("", |has| has.follows_poses = false);
+    let pose = Request::Command(CommandMode::Pose);
+    engage(&mut node);
+    assert_eq!(ask(&mut node, pose), Err(NO_POSES.to_owned()), "engaged");
+    assert_eq!(ask(&mut node, Request::Command(CommandMode::Rate)), Ok(Mode::Engaged));
+    let rates = (0..100).all(|_| !matches!(node.cycle().output.command, Motion::Pose(_)));
+    assert!(rates && node.cause().is_none(), "{:?}", node.cause());
+    // Not armed, each mode is accepted, and the reset compares it.
+    node.remote().handle.hold.set(Some(contract::Reason::Robot));
+    cycles(&mut node, 100);
+    assert_eq!(ask(&mut node, pose), Ok(Mode::ReflectionOff));
+    assert_eq!(ask(&mut node, Request::Reset), Err(NO_POSES.to_owned()));
+    assert_eq!(ask(&mut node, Request::Command(CommandMode::Rate)), Ok(Mode::ReflectionOff));
+    assert_eq!(ask(&mut node, Request::Reset), Ok(Mode::Armed));
+}
+
+#[test]
+fn armed_node_takes_each_mode_that_the_far_side_follows() {
+    let mut node = booted_beside("", |_| {});
+    engage(&mut node);
+    for mode in [CommandMode::Pose, CommandMode::Rate] {
+        assert_eq!(ask(&mut node, Request::Command(mode)), Ok(Mode::Engaged));
+        cycles(&mut node, 50);
+    }
+    assert_eq!(node.cause(), None);
+}
+
+/// Returns a peer that has each capability changed, and in place of a feedback sends one that was not requested.
+fn changing(
+    change: impl Fn(&mut Vec<u8>) + 'static,
+    unasked: Rc<Cell<Option<Capability>>>,
+) -> Peer {
+    Box::new(move |_, _, mut messages| {
+        for message in &mut messages {
+            if message.len() == Capability::LENGTH {
+                change(message);
+            } else if let Some(capability) = unasked.take() {
+                *message = capability.encode(&Feedback::decode(message).unwrap().head).to_vec();
+            }
+        }
+        messages
+    })
+}
+
+#[test]
+fn rejected_capability_after_a_valid_one_has_no_effect() {
+    let (mut node, handle) = booted("kraft_like", LINK, Network::default());
+    let unasked = Rc::new(Cell::new(None));
+    *handle.peer.borrow_mut() = Some(changing(|_| {}, Rc::clone(&unasked)));
+    let has = node.remote().capability;
+    unasked.set(Some(Capability { hold_after: -1.0, ..has }));
+    cycles(&mut node, 10);
+    assert_eq!(ask(&mut node, Request::Arm), Ok(Mode::Armed));
+    let rejects = node.remote().thread.latest().get().rejects;
+    assert_eq!(rejects, [(Reject::Impossible, 1)]);
+}
+
+#[test]
+fn later_capability_counts_from_the_next_arming_on() {
+    let (mut node, handle) = booted("kraft_like", LINK, Network::default());
+    let unasked = Rc::new(Cell::new(None));
+    *handle.peer.borrow_mut() = Some(changing(|_| {}, Rc::clone(&unasked)));
+    engage(&mut node);
+    let has = node.remote().capability;
+    unasked.set(Some(Capability { hold_after: 1.0, follows_poses: false, ..has }));
+    cycles(&mut node, 100);
+    assert_eq!((node.mode(), node.cause()), (Mode::Engaged, None), "compared at the arming");
+    let pose = Request::Command(CommandMode::Pose);
+    assert_eq!(ask(&mut node, pose), Err(NO_POSES.to_owned()));
+    ask(&mut node, Request::Disarm).unwrap();
+    cycles(&mut node, 200);
+    assert_eq!(node.mode(), Mode::Ready);
+    assert_eq!(ask(&mut node, Request::Arm), worse_hold("100", "1000"));
 }
 
 #[test]

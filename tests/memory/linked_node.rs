@@ -15,6 +15,7 @@ use crate::common::bench::press_script;
 use crate::common::linked::linked;
 use crate::common::prelude::*;
 use bus::Tap;
+use controller::switches::CommandMode;
 use node::Node;
 use remote::link::{LinkSettings, LinkSide, LinkThread, link};
 use remote::site::VirtualSite;
@@ -209,8 +210,12 @@ impl Remote for LinkedSide {
         self.side.end_epoch();
     }
 
-    fn misfits(&mut self, now: Instant) -> Vec<Misfit> {
-        self.side.misfits(now)
+    fn misfits(&mut self, now: Instant, mode: CommandMode) -> Vec<Misfit> {
+        self.side.misfits(now, mode)
+    }
+
+    fn mode_misfit(&mut self, mode: CommandMode) -> Option<Misfit> {
+        self.side.mode_misfit(mode)
     }
 
     fn error(&mut self) -> Option<SideError> {

@@ -38,6 +38,7 @@ mod experiments;
 mod far_pump;
 mod far_side;
 mod far_side_fit;
+mod far_side_replay;
 mod faults;
 mod fidelity;
 mod friction_sweep;

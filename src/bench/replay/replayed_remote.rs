@@ -4,6 +4,7 @@ use crate::source::{Source, answer};
 use inputs::Input;
 use remote::stated::Misfit;
 use remote::{Command, Remote, RemoteSample, SideError};
+use units::spatial::CommandMode;
 use units::time::Instant;
 
 /// Commanded side of a recorded session.
@@ -19,12 +20,18 @@ impl Remote for ReplayedRemote {
     }
 
     /// Returns one reason for each recorded one. The node only checks whether the list is empty.
-    fn misfits(&mut self, _: Instant) -> Vec<Misfit> {
+    fn misfits(&mut self, _: Instant, _: CommandMode) -> Vec<Misfit> {
         let count = self.0.take(
             "asks whether the commanded side fits",
             answer!(Input::Misfits(reasons) => reasons.len()),
         );
         vec![Misfit::Unknown; count.unwrap_or(0)]
+    }
+
+    /// Returns a reason if one was recorded. Sessions of earlier versions have no answer: each change was accepted.
+    fn mode_misfit(&mut self, _: CommandMode) -> Option<Misfit> {
+        let count = self.0.take_if_next(answer!(Input::Misfits(reasons) => reasons.len()));
+        count.filter(|count| *count > 0).map(|_| Misfit::Unknown)
     }
 
     fn error(&mut self) -> Option<SideError> {

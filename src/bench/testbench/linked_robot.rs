@@ -13,6 +13,7 @@ use contract::{Feedback, NodeEnd};
 use remote::link::FarView;
 use remote::stated::{Misfit, StatedCapability};
 use remote::{Command, Remote, RemoteSample, SideError, messages};
+use units::spatial::CommandMode;
 use units::time::Instant;
 
 /// Sessions of the two ends, the only ones on this link.
@@ -77,9 +78,11 @@ impl Remote for LinkedRobot {
         self.end.begin_epoch();
     }
 
-    fn misfits(&mut self, _: Instant) -> Vec<Misfit> {
+    fn misfits(&mut self, _: Instant, mode: CommandMode) -> Vec<Misfit> {
         let Some(capability) = self.end.capability() else { return vec![Misfit::Unknown] };
-        self.stated.map_or_else(Vec::new, |stated| stated.misfits(capability))
+        let pose = self.view.feedback.and_then(|feedback| feedback.measured.pose);
+        let stated = self.stated.as_ref();
+        stated.map_or_else(Vec::new, |stated| stated.misfits(capability, mode, pose.as_ref()))
     }
 
     fn error(&mut self) -> Option<SideError> {

@@ -4,6 +4,7 @@ use config::Config;
 use remote::site::VirtualSite;
 use remote::stated::Misfit;
 use remote::{Command, Remote, RemoteSample, RobotJoints, SideError};
+use units::spatial::CommandMode;
 use units::time::Instant;
 
 use crate::linked_robot::LinkedRobot;
@@ -65,11 +66,19 @@ impl Remote for Side {
         }
     }
 
-    fn misfits(&mut self, now: Instant) -> Vec<Misfit> {
+    fn misfits(&mut self, now: Instant, mode: CommandMode) -> Vec<Misfit> {
         match self {
-            Self::Virtual(site) => site.misfits(now),
-            Self::Robot(site) => site.misfits(now),
-            Self::Linked(linked) => linked.misfits(now),
+            Self::Virtual(site) => site.misfits(now, mode),
+            Self::Robot(site) => site.misfits(now, mode),
+            Self::Linked(linked) => linked.misfits(now, mode),
+        }
+    }
+
+    fn mode_misfit(&mut self, mode: CommandMode) -> Option<Misfit> {
+        match self {
+            Self::Virtual(site) => site.mode_misfit(mode),
+            Self::Robot(site) => site.mode_misfit(mode),
+            Self::Linked(linked) => linked.mode_misfit(mode),
         }
     }
 

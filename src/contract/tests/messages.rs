@@ -120,6 +120,8 @@ fn check_capability(capability: &Capability) {
     check_numbers(&not_negative, 1e9);
     assert!(not_negative.iter().all(|number| *number >= 0.0), "{not_negative:?}");
     check_numbers(&capability.workspace.concat(), 1e9);
+    let [low, high] = &capability.workspace;
+    assert!(low.iter().zip(high).all(|(low, high)| low <= high), "{:?}", capability.workspace);
 }
 
 /// Asserts that every decoded value is within its range; returns whether the message decodes as any kind.

@@ -27,9 +27,10 @@ use std::time::Duration;
 use socket2::Socket;
 use triple_buffer::{Input, Output, triple_buffer};
 
-use crate::stated::{Misfit, StatedCapability};
+use crate::stated::{Misfit, StatedCapability, mode_misfit};
 use crate::{Command, Remote, RemoteSample, SideError, messages};
 use contract::{NodeEnd, Order};
+use units::spatial::CommandMode;
 use units::time::Instant;
 use unix_socket::Door;
 
@@ -104,7 +105,7 @@ impl Remote for LinkSide {
         self.compared = None;
     }
 
-    fn misfits(&mut self, now: Instant) -> Vec<Misfit> {
+    fn misfits(&mut self, now: Instant, mode: CommandMode) -> Vec<Misfit> {
         let LinkSettings { session, stated, .. } = self.settings;
         let view = self.views.read();
         let is_new = view.sample_at.is_some_and(|at| now.since(at) <= MAX_ANSWER_AGE);
@@ -117,12 +118,18 @@ impl Remote for LinkSide {
             _ => {}
         }
         let Some(capability) = &view.capability else { return vec![Misfit::Unknown] };
-        let mut misfits = stated.misfits(capability);
-        let is_valid = feedback.measured.wrench.is_some() && feedback.measured.pose.is_some();
+        let measured = feedback.measured;
+        let mut misfits = stated.misfits(capability, mode, measured.pose.as_ref());
+        let is_valid = measured.wrench.is_some() && measured.pose.is_some();
         if !is_valid && misfits.is_empty() {
             misfits.push(Misfit::Senseless);
         }
         misfits
+    }
+
+    fn mode_misfit(&mut self, mode: CommandMode) -> Option<Misfit> {
+        let capability = &self.views.read().capability;
+        capability.as_ref().map_or(Some(Misfit::Unknown), |has| mode_misfit(has, mode))
     }
 
     fn error(&mut self) -> Option<SideError> {

@@ -12,6 +12,7 @@ use super::*;
 use contract::{Capability, FarEnd, Gripper, Reason, Reject};
 use robot::interaction::Interaction;
 use robot::object::Servo;
+use units::spatial::CommandMode::Rate;
 use units::spatial::{Motion, Twist, Wrench};
 
 const MS: Duration = Duration::from_millis(1);
@@ -130,7 +131,7 @@ impl Rig {
         let mut rig = Self::new();
         let mut far = Far::at(&rig.path, 0xface_face);
         rig.cycles(10, &Motion::Hold, &mut far);
-        assert_eq!(rig.side.misfits(rig.now), []);
+        assert_eq!(rig.side.misfits(rig.now, Rate), []);
         (rig, far)
     }
 
@@ -157,16 +158,19 @@ fn command_acts_from_the_first_epoch_on() {
 #[test]
 fn far_side_is_compared_before_arming() {
     let mut rig = Rig::new();
-    assert_eq!(rig.side.misfits(rig.now), [Misfit::Absent]);
+    assert_eq!(rig.side.misfits(rig.now, Rate), [Misfit::Absent]);
     let mut far = Far::at(&rig.path, 0xface_face);
     far.capability.servo_lag = 0.5;
     far.capability.senses_wrench = false;
     rig.cycles(10, &Motion::Hold, &mut far);
     let key = "remote.servo_time_constant_s";
     let worse = Misfit::Worse { key, stated: 0.01, found: 0.5 };
-    assert_eq!(rig.side.misfits(rig.now), [Misfit::Lacks("has no force/torque sensor"), worse]);
+    assert_eq!(
+        rig.side.misfits(rig.now, Rate),
+        [Misfit::Lacks("has no force/torque sensor"), worse]
+    );
     rig.now = rig.now + MS * 200;
-    assert_eq!(rig.side.misfits(rig.now), [Misfit::Absent], "silent");
+    assert_eq!(rig.side.misfits(rig.now, Rate), [Misfit::Absent], "silent");
 }
 
 #[test]
@@ -174,7 +178,7 @@ fn figure_that_is_nan_is_worse_than_any_other() {
     let misfits = |change: fn(&mut Capability)| {
         let mut has = capability();
         change(&mut has);
-        stated().misfits(&has)
+        stated().misfits(&has, Rate, None)
     };
     for change in [
         (|has| has.hold_after = f64::NAN) as fn(&mut Capability),
@@ -202,7 +206,7 @@ fn far_side_of_another_arm_version_or_contract_is_named() {
             (&far.socket).write_all(&message).unwrap();
         }
         rig.cycle(&Motion::Hold);
-        let misfits = rig.side.misfits(rig.now);
+        let misfits = rig.side.misfits(rig.now, Rate);
         let text: Vec<_> = misfits.iter().map(Misfit::to_string).collect();
         text.join("; ").split_once(": ").unwrap().1.to_owned()
     };
@@ -227,7 +231,7 @@ fn far_side_reached_too_late_follows_no_node() {
         (0..6).for_each(|_| _ = rig.cycle(&Motion::Hold));
         far.take(rig.now);
     }
-    assert_eq!(rig.side.misfits(rig.now), [Misfit::Unled]);
+    assert_eq!(rig.side.misfits(rig.now, Rate), [Misfit::Unled]);
 }
 
 #[test]
@@ -244,7 +248,7 @@ fn hazard_34_killed_far_side_ages_and_another_one_is_not_felt() {
     // The stop ends the epoch; the reset compares the capability, and begins a new epoch.
     rig.side.end_epoch();
     assert!(rig.cycle(&Motion::Hold).is_some());
-    assert_eq!(rig.side.misfits(rig.now), []);
+    assert_eq!(rig.side.misfits(rig.now, Rate), []);
     rig.side.begin_epoch();
     rig.cycles(3, &RATE, &mut other);
     assert_eq!(other.motion, messages::order(&RATE.into()).motion);

@@ -11,6 +11,6 @@ mod twist;
 mod wrench;
 
 pub use jacobian::Jacobian;
-pub use motion::Motion;
+pub use motion::{CommandMode, Motion};
 pub use twist::Twist;
 pub use wrench::Wrench;

@@ -14,3 +14,13 @@ pub enum Motion {
     /// Pose `x_b_d` (3.5).
     Pose(Isometry3<f64>),
 }
+
+/// Quantity that the hand's displacement commands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CommandMode {
+    /// Displacement commands velocity (Fig. 3).
+    #[default]
+    Rate,
+    /// Displacement commands displacement (3.5).
+    Pose,
+}

@@ -1,6 +1,8 @@
 //! Capability message: figures of the far side, sent on request of a node. docs/link.md has the table.
 
-use crate::codec::{ENCAPSULATION_LENGTH, Writer, are_within, packed, unpacked};
+use std::fmt;
+
+use crate::codec::{ENCAPSULATION_LENGTH, Writer, packed, unpacked};
 use crate::codes::codes;
 use crate::head::{HEAD_LENGTH, Head, Kind};
 use crate::reject::Reject;
@@ -55,6 +57,68 @@ pub struct Capability {
     pub workspace: [[f64; 3]; 2],
 }
 
+/// Reason to reject a capability.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum InvalidCapability {
+    /// The message is not a capability of this version, or not the next one of the present far side.
+    Message(Reject),
+    /// A field is out of its range or NaN.
+    Field {
+        /// Name in the table of docs/link.md.
+        field: &'static str,
+        /// Minimum.
+        low: f64,
+        /// Maximum.
+        high: f64,
+        /// Value of the message.
+        value: f64,
+    },
+}
+
+impl InvalidCapability {
+    /// Returns the reason under which the message is counted.
+    pub const fn reject(self) -> Reject {
+        match self {
+            Self::Message(reject) => reject,
+            Self::Field { .. } => Reject::Impossible,
+        }
+    }
+}
+
+impl fmt::Display for InvalidCapability {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Message(reject) => reject.fmt(f),
+            Self::Field { field, low, high, value } => {
+                write!(f, "{field} must be within {low}..={high}, got {value}")
+            }
+        }
+    }
+}
+
+impl From<Reject> for InvalidCapability {
+    fn from(reject: Reject) -> Self {
+        Self::Message(reject)
+    }
+}
+
+impl From<InvalidCapability> for Reject {
+    fn from(invalid: InvalidCapability) -> Self {
+        invalid.reject()
+    }
+}
+
+/// Checks that each value of a field is within a range; NaN is not.
+fn check(
+    field: &'static str,
+    values: &[f64],
+    [low, high]: [f64; 2],
+) -> Result<(), InvalidCapability> {
+    let invalid = values.iter().find(|value| !(low..=high).contains(*value));
+    invalid
+        .map_or(Ok(()), |value| Err(InvalidCapability::Field { field, low, high, value: *value }))
+}
+
 impl Capability {
     /// Length of the message, in bytes.
     pub const LENGTH: usize = ENCAPSULATION_LENGTH + HEAD_LENGTH + 232;
@@ -88,26 +152,38 @@ impl Capability {
     /// Decodes a message.
     ///
     /// # Errors
-    /// Returns the reason if it is not a capability of this version, or has a figure out of range.
-    pub fn decode(bytes: &[u8]) -> Result<(Head, Self), Reject> {
+    /// Returns the reason if it is not a capability of this version, or has a field out of range.
+    pub fn decode(bytes: &[u8]) -> Result<(Head, Self), InvalidCapability> {
         let (head, mut reader) = Head::open(bytes, Kind::Capability, Self::LENGTH)?;
         let [senses, follows, removal] = reader.take()?;
         let _: [u8; 5] = reader.take()?;
+        for (field, code, most) in
+            [("senses", senses, 7.0), ("follows", follows, 3.0), ("payload_removal", removal, 2.0)]
+        {
+            check(field, &[code.into()], [0.0, most])?;
+        }
         let (accommodation, deadband) = (reader.numbers()?, reader.numbers()?);
         let [servo_lag, sample_period, hold_after] = reader.numbers()?;
         let sensor_range: [f64; 2] = reader.numbers()?;
         let [stiffest_contact] = reader.numbers()?;
         let max_speed: [f64; 2] = reader.numbers()?;
         let workspace: [[f64; 3]; 2] = [reader.numbers()?, reader.numbers()?];
-        let [low, high] = &workspace;
-        let not_negative = [servo_lag, sample_period, hold_after, stiffest_contact];
-        let not_negative = not_negative.iter().chain(&accommodation).chain(&deadband);
-        let not_negative = not_negative.chain(&sensor_range).chain(&max_speed);
-        let is_possible = not_negative.into_iter().all(|one| (0.0..=MAX_FIGURE).contains(one))
-            && workspace.iter().all(|corner| are_within(corner, MAX_FIGURE))
-            && low.iter().zip(high).all(|(low, high)| low <= high);
-        if !is_possible {
-            return Err(Reject::Impossible);
+        for (field, values) in [
+            ("accommodation", &accommodation[..]),
+            ("deadband", &deadband),
+            ("servo_lag", &[servo_lag]),
+            ("sample_period", &[sample_period]),
+            ("hold_after", &[hold_after]),
+            ("sensor_range", &sensor_range),
+            ("stiffest_contact", &[stiffest_contact]),
+            ("max_speed", &max_speed),
+        ] {
+            check(field, values, [0.0, MAX_FIGURE])?;
+        }
+        let [lows, highs] = &workspace;
+        check("workspace_low", lows, [-MAX_FIGURE, MAX_FIGURE])?;
+        for (low, high) in lows.iter().zip(highs) {
+            check("workspace_high", &[*high], [*low, MAX_FIGURE])?;
         }
         let [senses_wrench, senses_pose, has_gripper] = unpacked(senses)?;
         let [follows_rates, follows_poses] = unpacked(follows)?;

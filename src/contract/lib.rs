@@ -53,7 +53,7 @@ mod sent;
 #[cfg(test)]
 mod tests;
 
-pub use capability::{Capability, PayloadRemoval};
+pub use capability::{Capability, InvalidCapability, PayloadRemoval};
 pub use command::{Command, Gripper, Motion};
 pub use far_end::FarEnd;
 pub use feedback::{FarState, Feedback, MAX_WRENCH, Measurements, Reason};

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::capability::Capability;
+use crate::capability::{Capability, InvalidCapability};
 use crate::command::{Command, Gripper, Motion};
 use crate::feedback::Feedback;
 use crate::head::{Head, Kind};
@@ -39,8 +39,8 @@ pub struct Sample {
 pub struct NodeEnd {
     end: LinkEnd,
     epoch: u32,
-    /// Session of a far side, and its capability.
-    capability: Option<(u64, Capability)>,
+    /// Session of a far side, and its newest valid capability; without a valid one the reason why the newest was rejected.
+    capability: Option<(u64, Result<Capability, InvalidCapability>)>,
     /// Reason why the newest message was rejected.
     rejected: Option<Reject>,
     round_trips: RoundTrips,
@@ -100,9 +100,22 @@ impl NodeEnd {
     }
 
     fn on_capability(&mut self, now: Instant, bytes: &[u8]) -> Result<(), Reject> {
-        let (head, capability) = Capability::decode(bytes)?;
-        if self.admit(now, &head)?.is_some() {
-            self.capability = Some((head.own.session, capability));
+        let received = Capability::decode(bytes).and_then(|(head, capability)| {
+            Ok(self.admit(now, &head)?.map(|_| (head.own.session, capability)))
+        });
+        match received {
+            Ok(None) => {}
+            Ok(Some((session, capability))) => self.capability = Some((session, Ok(capability))),
+            Err(invalid) => {
+                let current = self.far_session();
+                // A message without a valid head has no session: it is of the one peer.
+                let head = Head::open(bytes, Kind::Capability, Capability::LENGTH).ok();
+                let is_own = head.is_none_or(|(head, _)| head.own.session == current);
+                if is_own && self.capability().is_none() {
+                    self.capability = Some((current, Err(invalid)));
+                }
+                return Err(invalid.reject());
+            }
         }
         Ok(())
     }
@@ -127,6 +140,15 @@ impl NodeEnd {
 
     /// Returns the capability of the far side's current session; `None` before it is received.
     pub fn capability(&self) -> Option<&Capability> {
+        self.received_capability()?.as_ref().ok()
+    }
+
+    /// Returns why the newest capability of that session was rejected; `None` with a valid one, and before the first.
+    pub fn invalid_capability(&self) -> Option<InvalidCapability> {
+        self.received_capability()?.as_ref().err().copied()
+    }
+
+    fn received_capability(&self) -> Option<&Result<Capability, InvalidCapability>> {
         let current = self.end.peers.session();
         self.capability.as_ref().filter(|(session, _)| *session == current).map(|(_, it)| it)
     }

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use crate::delay::HOLD_AFTER;
-use contract::{Capability, PayloadRemoval, Pose, Reject, VERSION};
+use contract::{Capability, InvalidCapability, PayloadRemoval, Pose, Reject, VERSION};
 use robot::interaction::Interaction;
 use robot::object::Servo;
 use units::spatial::CommandMode;
@@ -49,6 +49,9 @@ pub enum Misfit {
     /// Its capability has not been received.
     #[error("the far side has not said yet what it can do: try again")]
     Unknown,
+    /// Its capability was rejected.
+    #[error("the far side's capability is rejected: {0}: correct the far side by docs/link.md")]
+    Rejected(InvalidCapability),
     /// The far side follows another node, with this session.
     #[error("the far side follows another node, of session {0:016x}: stop that one first")]
     Led(u64),

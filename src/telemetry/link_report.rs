@@ -20,6 +20,8 @@ pub struct LinkReport {
     pub leader: Option<String>,
     /// State of the far side, with its reason to hold.
     pub far_side: Option<String>,
+    /// Reason why the far side's capability was rejected; `None` with a valid one, and before the first.
+    pub invalid_capability: Option<String>,
     /// Median of the newest round trips, in ms.
     pub round_trip_p50_ms: Option<f64>,
     /// 99th percentile of the newest round trips, in ms.
@@ -52,6 +54,7 @@ impl LinkReport {
             far_session: session(status.far_session),
             leader,
             far_side,
+            invalid_capability: status.invalid_capability.map(|invalid| invalid.to_string()),
             round_trip_p50_ms: p50.map(milliseconds),
             round_trip_p99_ms: p99.map(milliseconds),
             lost: status.lost,

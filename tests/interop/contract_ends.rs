@@ -96,11 +96,11 @@ impl Random {
 
     /// Returns a workspace whose minimum is not above its maximum.
     fn workspace(&mut self) -> [[f64; 3]; 2] {
-        let corners: [[f64; 3]; 2] = [self.all_within(2e9), self.all_within(2e9)];
-        let [one, other] = corners;
-        let of =
-            |pick: fn(f64, f64) -> f64| std::array::from_fn(|axis| pick(one[axis], other[axis]));
-        [of(f64::min), of(f64::max)]
+        let axes = [(); 3].map(|()| {
+            let [one, other] = self.all_within(2e9);
+            (f64::min(one, other), f64::max(one, other))
+        });
+        [axes.map(|(low, _)| low), axes.map(|(_, high)| high)]
     }
 
     fn pose(&mut self) -> Pose {
@@ -260,6 +260,7 @@ fn decoded(bytes: &[u8]) -> String {
     let command = words(Command::decode(bytes).map(|it| it.encode().to_vec()));
     let feedback = words(Feedback::decode(bytes).map(|it| it.encode().to_vec()));
     let capability = Capability::decode(bytes).map(|(head, it)| it.encode(&head).to_vec());
+    let capability = capability.map_err(Reject::from);
     format!(
         "{{\"Command\": \"{command}\", \"Feedback\": \"{feedback}\", \"Capability\": \"{}\"}}",
         words(capability)

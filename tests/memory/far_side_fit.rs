@@ -170,6 +170,37 @@ fn armed_node_takes_each_mode_that_the_far_side_follows() {
     assert_eq!(node.cause(), None);
 }
 
+#[test]
+fn rejected_capability_is_named_with_its_figure() {
+    let refused = |change: fn(&mut Capability)| {
+        armed("", change).unwrap_err().split_once("rejected: ").unwrap().1.to_owned()
+    };
+    for (change, reason) in [
+        (
+            (|has| has.hold_after = -0.1) as fn(&mut Capability),
+            "hold_after must be within 0..=1000000000, got -0.1: correct the far side by docs/link.md",
+        ),
+        (
+            |has| has.servo_lag = f64::NAN,
+            "servo_lag must be within 0..=1000000000, got NaN: correct the far side by docs/link.md",
+        ),
+        (
+            |has| has.max_speed[1] = -2.0,
+            "max_speed must be within 0..=1000000000, got -2: correct the far side by docs/link.md",
+        ),
+        (
+            |has| has.workspace[0][2] = f64::NAN,
+            "workspace_low must be within -1000000000..=1000000000, got NaN: correct the far side by docs/link.md",
+        ),
+        (
+            |has| has.workspace = [[0.5, -1.0, -1.0], [0.25, 1.0, 1.0]],
+            "workspace_high must be within 0.5..=1000000000, got 0.25: correct the far side by docs/link.md",
+        ),
+    ] {
+        assert_eq!(refused(change), reason);
+    }
+}
+
 /// Returns a peer that has each capability changed, and in place of a feedback sends one that was not requested.
 fn changing(
     change: impl Fn(&mut Vec<u8>) + 'static,
@@ -188,14 +219,53 @@ fn changing(
 }
 
 #[test]
+fn rejected_capability_is_named_with_its_reason() {
+    let refused = |change: fn(&mut Vec<u8>)| {
+        let (mut node, handle) = booted("kraft_like", LINK, Network::default());
+        *handle.peer.borrow_mut() = Some(changing(change, Rc::default()));
+        restart(&mut node, |_| {});
+        ask(&mut node, Request::Arm).unwrap_err()
+    };
+    let rejected = "the far side's capability is rejected: ";
+    for (change, reason) in [
+        ((|message| message[44] = 9) as fn(&mut Vec<u8>), "senses must be within 0..=7, got 9"),
+        (|message| message[45] = 4, "follows must be within 0..=3, got 4"),
+        (|message| message[46] = 3, "payload_removal must be within 0..=2, got 3"),
+        (|message| message.truncate(268), "length"),
+        (|message| message[5] = 2, "version"),
+        (|message| message[4 + 2] = 9, "arm"),
+        // Its number is that of a message of long ago.
+        (|message| message[20..28].copy_from_slice(&1_u64.to_le_bytes()), "replayed"),
+    ] {
+        let text = refused(change);
+        assert!(text.starts_with(&format!("{rejected}{reason}: ")), "{reason}: {text}");
+    }
+    // Another session's message says nothing about the far side.
+    let text = refused(|message| message[12..20].copy_from_slice(&0xbad_u64.to_le_bytes()));
+    assert!(text.starts_with("the far side has not said yet"), "{text}");
+}
+
+#[test]
+fn corrected_capability_is_accepted_without_a_restart() {
+    let mut node = booted_beside("", |has| has.hold_after = f64::NAN);
+    let refused = ask(&mut node, Request::Arm).unwrap_err();
+    assert!(refused.contains("hold_after must be"), "{refused}");
+    node.remote_mut().capability.hold_after = 0.1;
+    cycles(&mut node, 10);
+    assert_eq!(ask(&mut node, Request::Arm), Ok(Mode::Armed));
+}
+
+#[test]
 fn rejected_capability_after_a_valid_one_has_no_effect() {
     let (mut node, handle) = booted("kraft_like", LINK, Network::default());
     let unasked = Rc::new(Cell::new(None));
     *handle.peer.borrow_mut() = Some(changing(|_| {}, Rc::clone(&unasked)));
     let has = node.remote().capability;
     unasked.set(Some(Capability { hold_after: -1.0, ..has }));
-    cycles(&mut node, 10);
+    // Before the node could have another one.
+    node.cycle();
     assert_eq!(ask(&mut node, Request::Arm), Ok(Mode::Armed));
+    cycles(&mut node, 10);
     let rejects = node.remote().thread.latest().get().rejects;
     assert_eq!(rejects, [(Reject::Impossible, 1)]);
 }

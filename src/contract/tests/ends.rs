@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use super::{ARM, Ends, HOLD_AFTER, OFFSET, at, rate};
-use crate::{Capability, FarEnd, Motion, NodeEnd, Order, PayloadRemoval, Reason, Reject};
+use crate::{Capability, FarEnd, Feedback, Motion, NodeEnd, Order, PayloadRemoval, Reason, Reject};
 
-const FIGURES: Capability = Capability {
+pub(super) const FIGURES: Capability = Capability {
     senses_wrench: true,
     senses_pose: true,
     has_gripper: false,
@@ -134,6 +134,29 @@ fn hazard_34_restarted_far_side_holds_in_the_epoch_it_finds() {
     assert_eq!((ends.node.far_session(), ends.far.reason()), (44, Reason::NotArmed));
     ends.node.begin_epoch();
     assert_eq!(ends.exchange(at(300), rate(at(300))).0, rate(at(300)));
+}
+
+#[test]
+fn rejected_capability_leaves_the_valid_one() {
+    let mut ends = Ends::armed();
+    let invalid = |ends: &mut Ends, now, session| {
+        let Feedback { mut head, .. } = Feedback::decode(&ends.feedback(now)).unwrap();
+        head.own.session = session;
+        ends.node.on_message(now, &Capability { hold_after: -1.0, ..FIGURES }.encode(&head));
+    };
+    invalid(&mut ends, at(4), 23);
+    assert_eq!(ends.node.rejected(), Some(Reject::Impossible));
+    assert_eq!((ends.node.capability(), ends.node.invalid_capability()), (None, None), "another");
+    invalid(&mut ends, at(5), 22);
+    let reason = ends.node.invalid_capability().map(|invalid| invalid.to_string());
+    assert_eq!(reason.as_deref(), Some("hold_after must be within 0..=1000000000, got -1"));
+    assert_eq!(ends.node.capability(), None);
+    ends.exchange(at(6), Motion::Hold);
+    let capability = ends.far.capability(at(6) + OFFSET, &FIGURES).unwrap();
+    ends.node.on_message(at(6), &capability);
+    invalid(&mut ends, at(7), 22);
+    assert_eq!(ends.node.rejected(), Some(Reject::Impossible));
+    assert_eq!((ends.node.capability(), ends.node.invalid_capability()), (Some(&FIGURES), None));
 }
 
 #[test]

@@ -239,7 +239,8 @@ proptest! {
         let bytes = Feedback { measured, ..feedback }.encode();
         prop_assert_eq!(Feedback::decode(&with(&bytes, 68 + 8 * place)), Err(Reject::Impossible));
         let bytes = capability.encode(&head);
-        prop_assert_eq!(Capability::decode(&with(&bytes, 52 + 16 * place)), Err(Reject::Impossible));
+        let decoded = Capability::decode(&with(&bytes, 52 + 16 * place));
+        prop_assert_eq!(decoded.map_err(Reject::from), Err(Reject::Impossible));
     }
 }
 
@@ -285,4 +286,39 @@ fn other_versions_kinds_and_encodings_are_named() {
     assert_eq!(decoded(48, 1), Ok(command), "reserved bytes are not read");
     assert_eq!(decoded(12, 0), Err(Reject::Impossible), "session zero");
     assert_eq!(decoded(20, 0), Err(Reject::Impossible), "sequence zero");
+}
+
+#[test]
+fn field_of_a_capability_out_of_range_is_named() {
+    let head = Head { arm: ARM, epoch: 0, own: Echo { session: 1, sequence: 1 }, echo: Echo::NONE };
+    let bytes = super::ends::FIGURES.encode(&head);
+    // Offsets of the page count from the end of the encapsulation header.
+    let number = |offset: usize, value: f64| {
+        let mut bytes = bytes;
+        bytes[4 + offset..4 + offset + 8].copy_from_slice(&value.to_le_bytes());
+        Capability::decode(&bytes).map(|_| ()).map_err(|invalid| invalid.to_string())
+    };
+    let least = "must be within 0..=1000000000, got";
+    for (offset, value, words) in [
+        (48, -1.0, format!("accommodation {least} -1")),
+        (96 + 40, f64::NAN, format!("deadband {least} NaN")),
+        (144, 2e9, format!("servo_lag {least} 2000000000")),
+        (152, f64::INFINITY, format!("sample_period {least} inf")),
+        (160, -0.1, format!("hold_after {least} -0.1")),
+        (176, f64::NAN, format!("sensor_range {least} NaN")),
+        (184, -2.0, format!("stiffest_contact {least} -2")),
+        (200, -0.5, format!("max_speed {least} -0.5")),
+        (
+            208,
+            -2e9,
+            "workspace_low must be within -1000000000..=1000000000, got -2000000000".to_owned(),
+        ),
+        (240, -1.5, "workspace_high must be within -1..=1000000000, got -1.5".to_owned()),
+        (248, 2e9, "workspace_high must be within -1..=1000000000, got 2000000000".to_owned()),
+    ] {
+        assert_eq!(number(offset, value), Err(words));
+    }
+    for (offset, value) in [(160, 0.0), (160, 1e9), (232, -1.0), (208, 1.0), (208, -1e9)] {
+        assert_eq!(number(offset, value), Ok(()), "{value} at {offset}");
+    }
 }

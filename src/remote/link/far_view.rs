@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use crate::RemoteSample;
-use contract::{Capability, FarState, Feedback, Reason, Reject};
+use crate::stated::Misfit;
+use contract::{Capability, FarState, Feedback, InvalidCapability, Reason, Reject};
 use units::time::Instant;
 
 /// Last known state of the far side.
@@ -17,6 +18,8 @@ pub struct FarView {
     pub sample_at: Option<Instant>,
     /// Capability of the present far side.
     pub capability: Option<Capability>,
+    /// Reason why the newest capability of the present far side was rejected; `None` with a valid one.
+    pub invalid_capability: Option<InvalidCapability>,
     /// 99th percentile of the newest round trips; `None` with too few of them.
     pub p99: Option<Duration>,
     /// Reason why the newest message is of another contract, version or arm; `None` after an accepted feedback.
@@ -27,6 +30,11 @@ impl FarView {
     /// Returns the session of the far side; zero without one.
     pub fn session(&self) -> u64 {
         self.feedback.map_or(0, |feedback| feedback.head.own.session)
+    }
+
+    /// Returns the reason against a far side without a valid capability.
+    pub(super) fn no_capability(&self) -> Misfit {
+        self.invalid_capability.map_or(Misfit::Unknown, Misfit::Rejected)
     }
 
     /// Returns the reason of a hold in this epoch of the node; `None` while the far side follows.

@@ -117,7 +117,7 @@ impl Remote for LinkSide {
             leader if leader != session => return vec![Misfit::Led(leader)],
             _ => {}
         }
-        let Some(capability) = &view.capability else { return vec![Misfit::Unknown] };
+        let Some(capability) = &view.capability else { return vec![view.no_capability()] };
         let measured = feedback.measured;
         let mut misfits = stated.misfits(capability, mode, measured.pose.as_ref());
         let is_valid = measured.wrench.is_some() && measured.pose.is_some();
@@ -128,8 +128,9 @@ impl Remote for LinkSide {
     }
 
     fn mode_misfit(&mut self, mode: CommandMode) -> Option<Misfit> {
-        let capability = &self.views.read().capability;
-        capability.as_ref().map_or(Some(Misfit::Unknown), |has| mode_misfit(has, mode))
+        let view = self.views.read();
+        let capability = view.capability.as_ref();
+        capability.map_or_else(|| Some(view.no_capability()), |has| mode_misfit(has, mode))
     }
 
     fn error(&mut self) -> Option<SideError> {

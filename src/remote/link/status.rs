@@ -3,10 +3,10 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use contract::{Reason, Reject};
+use contract::{InvalidCapability, Reason, Reject};
 
 /// Sessions, round trips and counters of the link.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct LinkStatus {
     /// Session of this node.
     pub session: u64,
@@ -24,6 +24,8 @@ pub struct LinkStatus {
     pub lost: u64,
     /// Number of messages dropped because the far side's queue was full.
     pub dropped: u64,
+    /// Reason why the newest capability was rejected; `None` with a valid one, and before the first.
+    pub invalid_capability: Option<InvalidCapability>,
     /// Number of rejected messages, by reason.
     pub rejects: Vec<(Reject, u64)>,
 }

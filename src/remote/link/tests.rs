@@ -180,12 +180,13 @@ fn figure_that_is_nan_is_worse_than_any_other() {
         change(&mut has);
         stated().misfits(&has, Rate, None)
     };
-    for change in [
-        (|has| has.hold_after = f64::NAN) as fn(&mut Capability),
+    let changes: [fn(&mut Capability); 4] = [
+        |has| has.hold_after = f64::NAN,
         |has| has.sensor_range[0] = f64::NAN,
         |has| has.accommodation[4] = f64::NAN,
         |has| has.sample_period = f64::NAN,
-    ] {
+    ];
+    for change in changes {
         let found = misfits(change);
         assert!(matches!(found[..], [Misfit::Worse { found, .. }] if found.is_nan()), "{found:?}");
     }

@@ -171,6 +171,11 @@ impl LinkThread {
             (self.view.feedback, self.view.sample_at) = (Some(feedback), Some(at));
         }
         self.view.capability = self.end.capability().copied();
+        let invalid = self.end.invalid_capability();
+        if let Some(invalid) = invalid.filter(|_| self.view.invalid_capability.is_none()) {
+            tracing::warn!("{}", Misfit::Rejected(invalid));
+        }
+        self.view.invalid_capability = invalid;
         let foreign = self.end.rejected().filter(|reject| reject.is_foreign());
         self.view.foreign = foreign.filter(|_| self.view.feedback.is_none());
         if let Some(reject) = self.view.foreign.filter(|_| !self.is_foreign) {
@@ -191,6 +196,7 @@ impl LinkThread {
         status.far_session = end.far_session();
         status.leader = feedback.map_or(0, |feedback| feedback.obeyed_session);
         status.reason = feedback.map(|feedback| feedback.reason);
+        status.invalid_capability = view.invalid_capability;
         status.lost = end.lost();
         status.rejects.clear();
         status.rejects.extend(end.rejects().iter());

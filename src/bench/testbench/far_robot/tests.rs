@@ -188,6 +188,7 @@ fn moved_after_a_kill(hold_after: Duration, speed: f64) -> f64 {
 }
 
 #[test]
+#[expect(clippy::print_stdout, reason = "docs/robots.md has the figures")]
 fn hazard_34_robot_of_a_killed_node_stops_in_its_hold_after() {
     // Away from the wall, up to the maximum speed of the file.
     for speed in [-0.063, -0.25, -0.5] {

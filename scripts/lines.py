@@ -17,9 +17,9 @@ ROOT = Path(__file__).resolve().parent.parent
 # What scripts/check.sh holds the rack to: 33,000 lines without the contract of a far side (ADR 37). They may only fall, but for what a
 # feature needs; the last were 1,000 for sessions in parts, their limit, and `frhc sessions` (ADR 43), 1,000 for the telemetry (ADR 44), 800 for
 # scales, locks and alignment while running (ADR 45), 100 for the keys of a sensor at its own address, 300 for the model of a
-# robot (ADR 46), 460 for a gripper (ADR 47), 280 for an answer to disarming and to a lost answer in the proof test, and 200 for a position
-# scale that is judged as a whole (ADR 48).
-MAX_RACK_LINES = 41_132
+# robot (ADR 46), 460 for a gripper (ADR 47), 280 for an answer to disarming and to a lost answer in the proof test, 200 for a position
+# scale that is judged as a whole (ADR 48), and 160 for what a far side must be.
+MAX_RACK_LINES = 41_287
 MAX_FUNCTION_LINES = 60
 PUBLIC = re.compile(r"(?m)^\s*pub (?:const |async |unsafe |extern )*(?:fn|struct|enum|trait|const|static|type|mod|union|macro) ")
 

@@ -119,6 +119,9 @@ fn workspace_counts_only_for_a_robot_that_senses_its_pose() {
     assert_eq!(refused, Err("the far side does not measure its pose".to_owned()));
 }
 
+/// Change of a capability, or of its message.
+type Change<T> = fn(&mut T);
+
 const NO_POSES: &str = "the far side does not follow poses";
 const NO_RATES: &str = "the far side does not follow rates";
 
@@ -175,9 +178,9 @@ fn rejected_capability_is_named_with_its_figure() {
     let refused = |change: fn(&mut Capability)| {
         armed("", change).unwrap_err().split_once("rejected: ").unwrap().1.to_owned()
     };
-    for (change, reason) in [
+    let cases: [(Change<Capability>, &str); 5] = [
         (
-            (|has| has.hold_after = -0.1) as fn(&mut Capability),
+            |has| has.hold_after = -0.1,
             "hold_after must be within 0..=1000000000, got -0.1: correct the far side by docs/link.md",
         ),
         (
@@ -196,7 +199,8 @@ fn rejected_capability_is_named_with_its_figure() {
             |has| has.workspace = [[0.5, -1.0, -1.0], [0.25, 1.0, 1.0]],
             "workspace_high must be within 0.5..=1000000000, got 0.25: correct the far side by docs/link.md",
         ),
-    ] {
+    ];
+    for (change, reason) in cases {
         assert_eq!(refused(change), reason);
     }
 }
@@ -227,8 +231,8 @@ fn rejected_capability_is_named_with_its_reason() {
         ask(&mut node, Request::Arm).unwrap_err()
     };
     let rejected = "the far side's capability is rejected: ";
-    for (change, reason) in [
-        ((|message| message[44] = 9) as fn(&mut Vec<u8>), "senses must be within 0..=7, got 9"),
+    let cases: [(Change<Vec<u8>>, &str); 7] = [
+        (|message| message[44] = 9, "senses must be within 0..=7, got 9"),
         (|message| message[45] = 4, "follows must be within 0..=3, got 4"),
         (|message| message[46] = 3, "payload_removal must be within 0..=2, got 3"),
         (|message| message.truncate(268), "length"),
@@ -236,7 +240,8 @@ fn rejected_capability_is_named_with_its_reason() {
         (|message| message[4 + 2] = 9, "arm"),
         // Its number is that of a message of long ago.
         (|message| message[20..28].copy_from_slice(&1_u64.to_le_bytes()), "replayed"),
-    ] {
+    ];
+    for (change, reason) in cases {
         let text = refused(change);
         assert!(text.starts_with(&format!("{rejected}{reason}: ")), "{reason}: {text}");
     }

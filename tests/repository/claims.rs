@@ -166,8 +166,8 @@ pub(crate) const HAZARDS: [Claim; 50] = [
     ),
     (
         45,
-        "The control loop oscillates",
-        "reflection ends within 400 ms of undamped oscillation, or of 20 W into the hand",
+        "The control loop oscillates, or the commanded side pumps energy into the hand",
+        "reflection ends within 400 ms of undamped oscillation, of 20 W into the hand, or of 2 J above 0.5 W",
     ),
     (
         46,
@@ -194,7 +194,7 @@ pub(crate) const HAZARDS: [Claim; 50] = [
         50,
         "The input of the gripper is silent, out of its range, or contradicts itself",
         "the gripper stays where it was commanded in the next cycle; out of range or contradictory, no reflection after 100 ms, \
-         the counts or bits named",
+         the counts or bits named; a glitch does not count, as invalid time must exceed valid time by 25 ms",
     ),
 ];
 

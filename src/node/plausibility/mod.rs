@@ -8,6 +8,7 @@
 //!                        limits, missing_rate         fit for reflection?       reflection off (S1)
 //! ```
 //!
+//! `zero_torque` raises none: it has the torque actual values at zero target torque, by which a disarm is answered.
 //! A check raises a [`Cause`], in every mode; the fault table decides the reaction. A wrong but plausible encoder stays
 //! undetected.
 

@@ -15,7 +15,7 @@ use canopen::{NodeId, layout};
 use canopen_device::dictionary::Dictionary;
 use memory_bus::Memory;
 use sim::actuator::ActuatorSettings;
-use sim::drive::{Drive, DriveSettings};
+use sim::drive::{Drive, DriveSettings, EncoderKind};
 use sim::motion::Tuning;
 use units::numbering::NodeIndex;
 use units::time::Instant;
@@ -46,6 +46,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             torque_curve: [10.0, 0.0, 0.0],
             max_torque: 30.0,
         },
+        encoder: EncoderKind::Absolute,
+        is_prismatic: false,
         latency: Duration::from_micros(100),
         tuning: Tuning::default(),
     });

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# bench.sh: cost of one step of the controller in time and instructions, of the commanded side's part of a cycle, of forward
-# kinematics, Jacobian and gravity of the same arm in pinocchio, and of a millisecond of the simulation.
+# bench.sh: cost of one step of the controller in time and instructions, of the commanded side's part of a cycle, and of a
+# millisecond of the simulation. lab/bench_pinocchio.py times the same arm in pinocchio.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -39,11 +39,4 @@ if command -v valgrind >/dev/null; then
   echo "the whole world, a millisecond of it: $(each "$world" --cycles 2000) instructions"
 else
   echo "valgrind is missing: instructions not counted" >&2
-fi
-
-venv=target/bench-venv
-if python3 -m venv "$venv" 2>/dev/null && "$venv/bin/pip" install -q pin numpy 2>/dev/null; then
-  "$venv/bin/python" scripts/bench_pinocchio.py
-else
-  echo "pinocchio is missing (pip install pin): not compared" >&2
 fi

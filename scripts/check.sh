@@ -6,13 +6,15 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 # The rack stands without the bench; the simulation knows nothing of what it judges.
 cargo metadata --locked --no-deps --format-version 1 | python3 -B scripts/rooms.py
 scripts/lines.sh --check
-scripts/prose.sh
 scripts/drive_eds.py --check
 cargo fmt --all -- --check
+cargo fmt --manifest-path lab/Cargo.toml -- --check
 cargo fmt --manifest-path link/Cargo.toml -- --check # clippy: scripts/test.sh, with the build
 cargo clippy --workspace --all-targets --locked -- -D warnings
 cargo clippy --test vcan --test vcan_faults --test network --locked -- -D warnings
 cargo clippy --no-default-features --locked -- -D warnings
+cargo clippy --no-default-features --features demo --locked -- -D warnings
+cargo clippy --manifest-path lab/Cargo.toml --target-dir target --all-targets --locked -- -D warnings
 RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --document-private-items
 # The front page leads to the crates by paths that rustdoc does not check.
 grep -o '(\.\./[a-z_]*/index\.html)' src/lib.rs | tr -d '()' | while read -r page; do

@@ -7,5 +7,5 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 scripts/setup.sh tools
-cargo build --locked --release --quiet
-FRHC=target/release/frhc target/interop/venv/bin/python -B tests/interop/decode_speed.py "${1:-60}"
+cargo build --locked --profile dist --features png --quiet
+FRHC=target/dist/frhc target/interop/venv/bin/python -B tests/interop/decode_speed.py "${1:-60}"

@@ -5,7 +5,7 @@ usage: scripts/with_vcan.sh -v -t 600 -i vcan0 -- scripts/drives_table.py [--che
 
 For each data sheet: frhc check; where it is accepted, frhc sim and frhc run on vcan0, frhc ctl arm, and SIGTERM.
 A drive has a configuration in config/drives, or else one of these with its own data sheet. FRHC_PROGRAM names the program;
-by default target/release/frhc. With --check, exits with 1 if the page has another table.
+by default target/dist/frhc. With --check, exits with 1 if the page has another table.
 """
 
 import csv
@@ -19,7 +19,7 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-PROGRAM = os.environ.get("FRHC_PROGRAM", str(ROOT / "target/release/frhc"))
+PROGRAM = os.environ.get("FRHC_PROGRAM", str(ROOT / "target/dist/frhc"))
 PAGE = ROOT / "docs/drives/README.md"
 
 # Configuration of each drive; of all others, the usual one.

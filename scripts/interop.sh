@@ -3,7 +3,7 @@
 #
 # python-canopen simulates six drives for `frhc run`, and is the master of the drives of `frhc sim`; other nodes send
 # frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs, pinocchio computes the
-# robot arms, MuJoCo the contacts of a peg, and rosbags reads and writes the messages of the link; a node in Python judges two
+# robot arms, and rosbags reads and writes the messages of the link; a node in Python judges two
 # far sides, that of examples/ and `frhc robot`; PyPI's NetFT judges the force/torque sensor that `frhc robot` reads; another one, with
 # keys by openssl, judges the far side over a network. The package of python/ leads a robot for `frhc run`, is compared with the
 # contract in Rust, and is installed. The MuJoCo arm of python/examples is felt through `frhc run`, and its gymnasium environment checked.
@@ -21,10 +21,10 @@ case ${1:-} in --bus | --no-bus | --timed) part=$1; shift ;; esac
 scripts/setup.sh tools browser
 python=$PWD/target/interop/venv/bin/python
 
-cargo build --locked --release
+cargo build --locked --profile dist --features png
 # The contract in Rust, with which the package of python/ is compared: its profile is that of the tests.
-cargo build --locked --profile quick --example contract_ends
-export FRHC=$PWD/target/release/frhc CONTRACT_ENDS=$PWD/target/quick/examples/contract_ends
+cargo build --locked -p frhc-contract --example contract_ends
+export FRHC=$PWD/target/dist/frhc CONTRACT_ENDS=$PWD/target/debug/examples/contract_ends
 export INTEROP_LOGS=$PWD/target/interop/logs PYTHONDONTWRITEBYTECODE=1
 if [[ -z $part || $part == --bus ]]; then
   rm -rf "$INTEROP_LOGS" && mkdir -p "$INTEROP_LOGS"

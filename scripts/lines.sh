@@ -3,7 +3,7 @@
 #
 # usage: scripts/lines.sh [--json | --check | --functions]
 #
-#   --check      fails where the rack has too many lines or a function that is too long
+#   --check      fails where a function of the rack is too long
 #   --functions  prints the functions that are too long
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."

@@ -4,7 +4,8 @@
 # usage: scripts/peers.sh [--lely TREE] [--optional]
 #
 # All of them drive the same simulated drives, one after the other in one boot of the emulated machine (with_icount.sh), with
-# SCHED_FIFO 80 above the drives' 70. A recorded run beside candump proves that they exchange the same frames, and shows the times;
+# SCHED_FIFO 80: once above the drives' 70, so that each sample ends a wait as on a wire, and once equal to theirs, so that the
+# samples of a cycle come in a batch. A recorded run beside candump proves that they exchange the same frames, and shows the times;
 # a run alone is timed. `frhc run` is as shipped, all threads and watches on. docs/performance.md says what the others do not do.
 #
 #   C loop           scripts/peers/loop.c
@@ -36,7 +37,7 @@ fail() {
 }
 . scripts/needs.sh
 missing=()
-[[ -x target/release/frhc ]] || missing+=("target/release/frhc (cargo build --release)")
+[[ -x target/dist/frhc ]] || missing+=("target/dist/frhc (cargo build --profile dist)")
 command -v gcc >/dev/null || missing+=(gcc)
 command -v candump >/dev/null || missing+=(can-utils)
 
@@ -91,11 +92,13 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 mkdir -p target/peers
 gcc -O2 -Wall -Wextra -o target/peers/loop scripts/peers/loop.c
-measured() { # LAYOUT PERIOD_US CONFIG
-  echo "peers: $1, $2 µs" >&2
-  scripts/with_icount.sh -t 500 -- scripts/peers/in_machine.sh "$@" >"$work/$1"
-  printf '\n%s, %s µs (%s)\n\n' "$1" "$2" "$3"
+measured() { # LAYOUT PERIOD_US CONFIG PRIORITY HOW
+  echo "peers: $1, $2 µs, $5" >&2
+  scripts/with_icount.sh -t 500 -- scripts/peers/in_machine.sh "${@:1:4}" >"$work/$1"
+  printf '\n%s, %s µs (%s), %s\n\n' "$1" "$2" "$3" "$5"
   scripts/peers/figures.py "$2" "$work/$1"
 }
-measured grouped 1000 config/kraft_like.toml
-measured per-drive 2000 config/kraft_like_500hz.toml
+for how in "70 frame by frame" "80 in batches"; do
+  measured grouped 1000 config/kraft_like.toml "${how%% *}" "${how#* }"
+  measured per-drive 2000 config/kraft_like_500hz.toml "${how%% *}" "${how#* }"
+done

@@ -11,10 +11,10 @@ shift
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 [[ $# -gt 0 ]] || set -- Nehalem Haswell max
 mkdir -p target
-# Not in /tmp, which is empty on the emulated machine.
-work=$(mktemp -d "$PWD/target/replay-XXXXXX")
+# The emulated machine has this checkout and not all of /tmp, and knows folders by their names without symbolic links.
+work=$(mktemp -d "$(realpath target)/replay-XXXXXX")
 trap 'rm -rf "$work"' EXIT
-cp "${FRHC_PROGRAM:-target/release/frhc}" "$work/frhc"
+cp "${FRHC_PROGRAM:-target/dist/frhc}" "$work/frhc"
 cp -r "$session" "$work/session"
 
 "$work/frhc" replay "$work/session" --verify --emit "$work/sent.log"

@@ -1,7 +1,7 @@
 """rooms.py: the walls between the crates, by their folders: reads `cargo metadata --no-deps` from standard input.
 
 A crate of the rack lies in src/, one of the bench in src/bench/. The rack depends on no crate of the bench, not even for
-its tests; the root package only by an optional dependency, and for its tests. The simulation depends neither directly
+its tests; the root package only by an optional dependency, and for its tests. Nothing depends on lab/. The simulation depends neither directly
 nor by others on the crates that it judges.
 """
 
@@ -26,15 +26,18 @@ def below(name, packages):
 
 def main():
     metadata = json.load(sys.stdin)
-    bench = Path(metadata["workspace_root"]) / "src" / "bench"
+    root = Path(metadata["workspace_root"])
+    bench, lab = root / "src" / "bench", root / "lab"
     packages = {package["name"]: package for package in metadata["packages"]}
     complaints, rack = [], 0
     for name, package in packages.items():
         manifest = Path(package["manifest_path"])
+        in_lab = [needed["name"] for needed in package["dependencies"] if needed.get("path") and Path(needed["path"]) == lab]
+        complaints += ["%s depends on %s of the lab" % (name, one) for one in in_lab]
         if bench in manifest.parents:
             continue
         rack += 1
-        is_root = manifest.parent == bench.parent.parent
+        is_root = manifest.parent == root
         for needed in package["dependencies"]:
             if not needed.get("path") or bench not in Path(needed["path"]).parents:
                 continue

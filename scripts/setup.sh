@@ -3,7 +3,7 @@
 #
 # usage: scripts/setup.sh [--missing] [tools|browser|kernel|icount]...  (default: tools, browser and kernel)
 #
-#   tools    can-utils, iproute2, openssl, tmux, tshark, python3-venv from Debian (26 MB to fetch, 131 MB of disk, a minute; root
+#   tools    can-utils, iproute2, jq, openssl, tmux, tshark, python3-venv from Debian (26 MB to fetch, 131 MB of disk, a minute; root
 #            or sudo), and Python's packages, pinned in tests/interop/requirements.txt, from PyPI into target/interop
 #            (600 MB of disk, a minute)
 #   browser  what judges the pages that frhc writes: xmllint (libxml2-utils), and a headless browser with its driver for
@@ -37,6 +37,7 @@ kernel=${VCAN_KERNEL:-${VCAN_UML_HOME:-${XDG_CACHE_HOME:-$HOME/.cache}/vcan-uml}
 packages=()
 command -v candump >/dev/null || packages+=(can-utils)
 PATH=$PATH:/usr/sbin:/sbin command -v ip >/dev/null || packages+=(iproute2)
+command -v jq >/dev/null || packages+=(jq)
 command -v tshark >/dev/null || packages+=(tshark)
 command -v openssl >/dev/null || packages+=(openssl)
 command -v tmux >/dev/null || packages+=(tmux)

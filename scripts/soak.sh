@@ -11,5 +11,5 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 cycles=${1:-10000000}
 seed=${2:-1}
-cargo build --locked --release --quiet
-exec target/release/frhc campaign --seed "$seed" --soak "$cycles" "${@:3}"
+cargo build --locked --profile dist --features png --quiet
+exec target/dist/frhc campaign --seed "$seed" --soak "$cycles" "${@:3}"

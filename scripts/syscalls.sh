@@ -7,7 +7,7 @@
 # Needs strace and a release build. Under strace clock readings are system calls, too.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-frhc=target/release/frhc
+frhc=target/dist/frhc
 work=$(mktemp -d)
 trap 'kill -9 $(jobs -p) 2>/dev/null; rm -rf "$work"' EXIT
 

@@ -8,8 +8,8 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 if [[ -z ${FRHC:-} ]]; then
-  cargo build --locked --release
-  FRHC=$PWD/target/release/frhc
+  cargo build --locked --profile dist --features png
+  FRHC=$PWD/target/dist/frhc
 fi
 folder=target/three_modes
 mkdir -p $folder

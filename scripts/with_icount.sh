@@ -8,8 +8,8 @@
 #   -c CPU      model of its processor, as qemu-system-x86_64 -cpu help lists them (default max: all that QEMU can emulate)
 #
 # The machine is QEMU's with one CPU, without caches and pipelines; its kernel is Debian's, with Debian's modules for CAN.
-# Its root is this machine's file system, read only, so COMMAND finds the same paths and working directory; /tmp, /run
-# and /dev/shm are empty, and end with it. Idle time is skipped.
+# Its root is this machine's file system, read only, so COMMAND finds the same paths and working directory. /tmp, /run
+# and /dev/shm are empty but for the working directory and this checkout where these are below them, and end with it. Idle time is skipped.
 #
 # Needs Debian's qemu-system-x86, busybox-static and cpio. The package of the kernel is fetched once into target/icount and
 # not installed. What is missing is said, with exit 69.
@@ -76,21 +76,36 @@ $box mount -t 9p -o trans=virtio,version=9p2000.L,ro,cache=loose files /host
 $box mount -t proc proc /host/proc
 $box mount -t sysfs sys /host/sys
 $box mount -t devtmpfs dev /host/dev
+# A checkout may be below one of the folders that are covered.
+number=0
+while read -r folder; do
+  number=$((number + 1))
+  $box mkdir -p /kept/$number
+  $box mount -o bind "/host$folder" /kept/$number
+done </folders
 for folder in tmp run dev/shm; do
   $box mkdir -p /host/$folder
   $box mount -t tmpfs memory /host/$folder
 done
 $box cp /command /host/run/command
+number=0
+while read -r folder; do
+  number=$((number + 1))
+  [ -d "/host$folder" ] && continue
+  $box mkdir -p "/host$folder"
+  $box mount -o bind /kept/$number "/host$folder"
+done </folders
 exec $box chroot /host /bin/bash /run/command
 INIT
 chmod +x "$run/initrd/init"
+printf '%s\n' "$(realpath "$here/..")" "$(realpath .)" >"$run/initrd/folders"
 cat >"$run/initrd/command" <<COMMAND
 export PATH=$(printf '%q' "$PATH"):/usr/sbin:/sbin HOME=/tmp TERM=dumb WITH_ICOUNT=yes
 stty -onlcr -echo 2>/dev/null
 ip link set lo up
 for name in $interfaces; do ip link add dev \$name type vcan; ip link set \$name up; done
 ulimit -l unlimited
-cd $(printf '%q' "$PWD")
+cd $(printf '%q' "$(realpath .)")
 echo "with_icount: begin"
 bash -c $(printf '%q' "$(printf '%q ' "$@")") </dev/null
 echo "with_icount: status \$?"

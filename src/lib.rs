@@ -1,6 +1,6 @@
 //! `frhc`: the CANopen master of a force-reflecting hand controller.
 //!
-//! Each folder of `src/` is a crate; ARCHITECTURE.md says what each may depend on. This one makes a program of the commands of the rack
+//! ARCHITECTURE.md has the map: rack, bench and lab, and the rooms of each. This crate makes a program of the commands of the rack
 //! ([`run`]) and those of simulation and bench (`cli`, the feature `simulation`).
 //!
 //! | to read about | crate |
@@ -19,4 +19,4 @@
 
 mod program;
 
-pub use program::main;
+pub use program::{LogArgs, conclude, init_log, main, print_usage};

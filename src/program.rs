@@ -3,12 +3,14 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use tracing_subscriber::filter::LevelFilter;
+
+mod help;
 
 use run::exit::{Failure, Kind};
 use run::log_time::TimestampedWriter;
-use run::{panics, print, stderr, stop_signals};
+use run::{one_arena, panics, print, stderr, stop_signals};
 
 const EXAMPLES: &str = if cfg!(feature = "simulation") {
     "`frhc help COMMAND` shows examples of a command.\n\nExit codes: 0 success, 1 negative result, 2 usage, 3 invalid \
@@ -32,17 +34,29 @@ const EXAMPLES: &str = if cfg!(feature = "simulation") {
 struct Cli {
     #[command(subcommand)]
     command: Command,
+    #[command(flatten)]
+    log: LogArgs,
+}
+
+/// Options of the log on stderr.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct LogArgs {
     /// Log errors only.
     #[arg(short, long, global = true)]
-    quiet: bool,
+    pub quiet: bool,
     /// Log more: -v debug, -vv trace.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
-    verbose: u8,
+    pub verbose: u8,
 }
 
 /// The commands of the program.
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Runs node, simulated drives, operator and remote side in one process; opens no bus.
+    #[cfg(feature = "demo")]
+    #[command(after_help = "Examples:\n  frhc demo --scenario faults/unplug\n  \
+        frhc demo --seconds 20 --out /tmp/session && log2asc -I /tmp/session/bus.log vcan0 vcan1")]
+    Demo(demo::args::Demo),
     #[cfg(feature = "simulation")]
     #[command(flatten)]
     Bench(cli::Command),
@@ -52,11 +66,13 @@ enum Command {
 
 /// Runs the program with the process's arguments.
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let given = help::in_groups(Cli::command()).try_get_matches();
+    let cli = match given.and_then(|given| Cli::from_arg_matches(&given)) {
         Ok(cli) => cli,
         Err(error) => return print_usage(&error),
     };
     if matches!(&cli.command, Command::Rack(command) if command.is_run()) {
+        one_arena::begin();
         if let Err(error) = stop_signals::block() {
             let reason = format!("cannot block signals: {error}");
             return conclude(Err(Failure::new(Kind::System, reason)));
@@ -67,10 +83,12 @@ pub fn main() -> ExitCode {
         }
         panics::abort();
     }
-    init_log(cli.quiet, cli.verbose);
+    init_log(cli.log);
     let done = match &cli.command {
+        #[cfg(feature = "demo")]
+        Command::Demo(args) => demo::run(args, cli.log.quiet),
         #[cfg(feature = "simulation")]
-        Command::Bench(command) => command.execute(cli.quiet),
+        Command::Bench(command) => command.execute(cli.log.quiet),
         Command::Rack(command) => command.execute(),
     };
     let code = conclude(done);
@@ -79,7 +97,7 @@ pub fn main() -> ExitCode {
 }
 
 /// Prints the failures of the command and of its output; returns the exit code of the first.
-fn conclude(done: Result<(), Failure>) -> ExitCode {
+pub fn conclude(done: Result<(), Failure>) -> ExitCode {
     let failures = [done, print::finish()].map(Result::err);
     let failures: Vec<Failure> = failures.into_iter().flatten().collect();
     failures.iter().for_each(|failure| print::error(&failure.to_string()));
@@ -87,7 +105,7 @@ fn conclude(done: Result<(), Failure>) -> ExitCode {
 }
 
 /// Prints help or version on stdout, or the usage error on stderr.
-fn print_usage(error: &clap::Error) -> ExitCode {
+pub fn print_usage(error: &clap::Error) -> ExitCode {
     if error.use_stderr() {
         let styled = error.render();
         let text = if has_colour() { styled.ansi().to_string() } else { styled.to_string() };
@@ -100,8 +118,9 @@ fn print_usage(error: &clap::Error) -> ExitCode {
 
 /// Replaces the reasons of the standard library for a number that cannot be parsed.
 fn for_engineers(text: String) -> String {
-    const REASONS: [(&str, &str); 5] = [
-        ("invalid digit found in string", "expected a whole number"),
+    const REASONS: [(&str, &str); 6] = [
+        ("invalid socket address syntax", "expected ADDRESS:PORT, as 127.0.0.1:8020"),
+        ("invalid digit found in string", "expected a whole number, 0 or above"),
         ("cannot parse integer from empty string", "expected a whole number"),
         ("number too large to fit in target type", "the number is too large"),
         ("number would be zero for non-zero type", "must be at least 1, got 0"),
@@ -116,8 +135,8 @@ fn has_colour() -> bool {
 }
 
 /// Sets up the log on stderr; `-q` leaves errors only, `-v` adds detail.
-fn init_log(quiet: bool, verbose: u8) {
-    let level = match (quiet, verbose) {
+pub fn init_log(log: LogArgs) {
+    let level = match (log.quiet, log.verbose) {
         (true, _) => LevelFilter::ERROR,
         (false, 0) => LevelFilter::INFO,
         (false, 1) => LevelFilter::DEBUG,

@@ -34,6 +34,8 @@ mod telemetry;
 mod teleoperation;
 #[path = "vcan/tools.rs"]
 mod tools;
+#[path = "vcan/zero.rs"]
+mod zero;
 
 use common::documented::{self, Lane};
 use common::prelude::*;

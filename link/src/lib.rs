@@ -5,6 +5,9 @@
 //! ```
 //!
 //! It trusts neither side. It passes only messages of the contract for this arm; the ends decide whether they act.
+//!
+//! Begin with `link.rs`, the threads from the local socket to zenoh and back. `role.rs` has what each end may do, `flow.rs` how
+//! many messages may be under way, `keys.rs` the authority and both ends.
 #![forbid(unsafe_code)]
 
 pub mod certificate;

@@ -5,7 +5,7 @@
 
 The hand presses the peg into the wall, and further, withdraws it, puts it into the hole, and moves it against the bore: rounds of 20 s.
 Prints what was felt, by the session that the node recorded. Exit code 0 if nothing stopped the node, 1 if something did.
-scripts/mujoco_arm.sh has what this needs. The program frhc is $FRHC, or `frhc`.
+lab/mujoco_arm.sh has what this needs. The program frhc is $FRHC, or `frhc`.
 """
 import argparse
 import contextlib

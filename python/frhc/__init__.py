@@ -5,6 +5,7 @@
             wrench, pose = world.step(command, far.period)
             far.send(wrench, pose)
 
+far_side.py is the loop above, cycles.py one blocking call a period, far_end.py the rules, with bytes and times as arguments.
 docs/python.md of the repository has rules and guarantees, docs/link.md the messages.
 """
 from .capability import Capability, PayloadRemoval

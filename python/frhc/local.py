@@ -2,6 +2,7 @@
 import logging
 import os
 import socket
+import stat
 from typing import Optional, Union
 
 from .clock import MILLISECOND, SECOND
@@ -23,9 +24,9 @@ class LocalLink:
         self._retry_at = 0
         self._state = ""
 
-    def _report(self, state: str) -> None:
+    def _report(self, state: str, level: int = logging.INFO) -> None:
         if state != self._state:
-            LOG.info("%s: %s", self._path, state)
+            LOG.log(level, "%s: %s", self._path, state)
             self._state = state
 
     def _connect(self, now: int) -> Optional[socket.socket]:
@@ -38,7 +39,7 @@ class LocalLink:
                 self._socket, self._was_served = connection, False
             except OSError as error:
                 connection.close()
-                self._report(f"waits for a node: {error.strerror or error}")
+                self._report(f"waits for a node: {absence(self._path, error)}", logging.WARNING)
         return self._socket
 
     def receive(self, now: int) -> Optional[bytes]:
@@ -82,3 +83,19 @@ class LocalLink:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
+
+
+def absence(path: str, error: OSError) -> str:
+    """Returns why no node is reached at the path, and what to do."""
+    folder = os.path.dirname(path) or "."
+    if isinstance(error, FileNotFoundError):
+        if not os.path.isdir(folder):
+            return f"no such folder: {folder}; is this the path of the node's link socket?"
+        return "no such socket; start `frhc run` with remote.kind = \"link\", or give its remote.link.socket"
+    if isinstance(error, ConnectionRefusedError):
+        try:
+            is_socket = stat.S_ISSOCK(os.stat(path).st_mode)
+        except OSError:
+            is_socket = True  # removed since
+        return "no process listens on this socket" if is_socket else "not a socket; give that of the node"
+    return error.strerror or str(error)

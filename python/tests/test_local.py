@@ -85,6 +85,21 @@ class Local(unittest.TestCase):
         listener.accept()
         self.follow(listener)
 
+    def test_socket_that_does_not_exist_is_named_once_as_a_warning(self):
+        with self.assertLogs("frhc", "WARNING") as logged:
+            self.cycles(200)
+        [line] = logged.output
+        self.assertIn(f"{self.path}: waits for a node: no such socket; start `frhc run`", line)
+        folder = os.path.join(os.path.dirname(self.path), "absent")
+        for path, reason in ((os.path.join(folder, "s"), f"no such folder: {folder}"), (__file__, "not a socket")):
+            with self.assertLogs("frhc", "WARNING") as logged:
+                LocalLink(path).receive(0)
+            self.assertIn(f"{path}: waits for a node: {reason}", logged.output[0])
+        self.listen().listener.close()
+        with self.assertLogs("frhc", "WARNING") as logged:
+            self.cycles(51)
+        self.assertIn("no process listens on this socket", logged.output[0])
+
     def test_node_that_starts_again_is_found_and_the_session_stays(self):
         listener = self.listen()
         self.cycles(1)

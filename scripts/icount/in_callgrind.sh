@@ -2,11 +2,12 @@
 # in_callgrind.sh FOLDER: user instructions of the threads of `frhc run` in two runs, one a second longer than the other;
 # on vcan in virtual time (with_vcan.sh -v), where computing takes no time, so that callgrind does not make the cycle late.
 set -euo pipefail
-frhc=$PWD/target/release/frhc
+frhc=$PWD/target/dist/frhc
 
 # counted SECONDS: into FOLDER/run.SECONDS-THREAD
 counted() {
-  export XDG_RUNTIME_DIR=$folder/$1 STATE_DIRECTORY=$folder/$1/state
+  # With MALLOC_ARENA_MAX the node need not begin once more, which callgrind would not follow.
+  export XDG_RUNTIME_DIR=$folder/$1 STATE_DIRECTORY=$folder/$1/state MALLOC_ARENA_MAX=1
   mkdir -p "$STATE_DIRECTORY"
   "$frhc" -q sim --config config/kraft_like.toml --scenario contact_10s >/dev/null &
   local drives=$! node

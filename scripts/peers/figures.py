@@ -13,6 +13,7 @@ from pathlib import Path
 NAMES = {
     "plain": "C loop",
     "guarded": "C loop with the same guarantees",
+    "drained": "C loop with the same guarantees that sleeps until the samples are there",
     "frhc": "frhc run",
     "python-canopen": "python-canopen",
     "lely": "lely",

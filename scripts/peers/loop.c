@@ -1,10 +1,12 @@
 /* loop.c: the smallest master of the same exchange: SYNC, the positions of six drives, torques clamp(-q/8), in C.
  *
- * usage: loop INTERFACE PERIOD_US grouped|per-drive plain|guarded SECONDS
+ * usage: loop INTERFACE PERIOD_US grouped|per-drive plain|guarded|drained SECONDS
  *
  * plain    blocking reads; what is lost, late or old is not noticed
  * guarded  what the node does for each frame: a wait with a deadline, the kernel's receive stamp, the clock before each torque, and
  *          the transmit confirmation of SYNC by a second socket
+ * drained  as guarded, but it sleeps until the earliest time at which all samples were there in its first 200 cycles, and then
+ *          reads without waiting what is there
  *
  * No boot, no power stage, no heartbeat, no watch, no controller, no log. The drives must be configured and operational.
  */
@@ -27,6 +29,7 @@
 #include <unistd.h>
 
 #define DRIVES 6
+#define OBSERVED_CYCLES 200
 
 static void fail(const char *what) {
   perror(what);
@@ -79,17 +82,17 @@ static int16_t torque(int32_t position) {
 
 int main(int count, char **words) {
   if (count != 6) {
-    fprintf(stderr, "usage: loop INTERFACE PERIOD_US grouped|per-drive plain|guarded SECONDS\n");
+    fprintf(stderr, "usage: loop INTERFACE PERIOD_US grouped|per-drive plain|guarded|drained SECONDS\n");
     return 2;
   }
   const int64_t period = atoll(words[2]) * 1000;
-  const int is_grouped = !strcmp(words[3], "grouped"), is_guarded = !strcmp(words[4], "guarded");
+  const int is_grouped = !strcmp(words[3], "grouped"), is_guarded = strcmp(words[4], "plain"), is_drained = !strcmp(words[4], "drained");
   const int64_t cycles = atoll(words[5]) * 1000000000 / period;
   const int on = 1, fd = open_socket(words[1], 0x181, 0x186), witness = is_guarded ? open_socket(words[1], 0x80, 0x80) : -1;
   /* A statusword (6041h) precedes the position where one TPDO has both. */
   const int offset = is_grouped ? 0 : 2;
   struct sched_param priority = {.sched_priority = 80};
-  int64_t missed = 0, late = 0, unconfirmed = 0;
+  int64_t missed = 0, late = 0, unconfirmed = 0, earliest = period / 2;
   if (is_guarded && (setsockopt(fd, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on) ||
                      setsockopt(witness, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on)))
     fail("stamps");
@@ -101,10 +104,17 @@ int main(int count, char **words) {
     const struct timespec at = {due / 1000000000, due % 1000000000};
     const struct can_frame sync = {.can_id = 0x80};
     int32_t positions[DRIVES] = {0};
-    unsigned seen = 0;
+    unsigned seen = 0, may_wait = 1;
+    int64_t last = 0;
     while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, NULL) == EINTR) {}
     const int64_t sent_at = is_guarded ? now(CLOCK_BOOTTIME) : 0;
     if (write(fd, &sync, sizeof sync) < 0) fail("SYNC");
+    if (is_drained && cycle > OBSERVED_CYCLES) {
+      const int64_t until = sent_at + earliest;
+      const struct timespec then = {until / 1000000000, until % 1000000000};
+      while (clock_nanosleep(CLOCK_BOOTTIME, TIMER_ABSTIME, &then, NULL) == EINTR) {}
+      may_wait = 0;
+    }
     while (seen != (1u << DRIVES) - 1) {
       struct can_frame frame;
       int64_t stamp = 0;
@@ -112,10 +122,15 @@ int main(int count, char **words) {
         const int64_t left = sent_at + period / 2 - now(CLOCK_BOOTTIME);
         const struct timespec timeout = {0, left > 0 ? left : 0};
         struct pollfd waits = {fd, POLLIN, 0};
-        if (ppoll(&waits, 1, &timeout, NULL) <= 0) break;
-        if (!read_stamped(fd, &frame, &stamp, MSG_DONTWAIT)) continue;
+        if (may_wait && ppoll(&waits, 1, &timeout, NULL) <= 0) break;
+        if (!read_stamped(fd, &frame, &stamp, MSG_DONTWAIT)) {
+          may_wait = 1;
+          continue;
+        }
+        stamp += now(CLOCK_BOOTTIME) - now(CLOCK_REALTIME);
         /* Came before this SYNC: of the cycle before. */
-        if (stamp + (now(CLOCK_BOOTTIME) - now(CLOCK_REALTIME)) < sent_at) continue;
+        if (stamp < sent_at) continue;
+        last = stamp;
       } else if (read(fd, &frame, sizeof frame) < 0) {
         fail("read");
       }
@@ -123,6 +138,7 @@ int main(int count, char **words) {
       seen |= 1u << (frame.can_id - 0x181);
     }
     missed += seen != (1u << DRIVES) - 1;
+    if (is_drained && cycle > 0 && cycle <= OBSERVED_CYCLES && last && last - sent_at < earliest) earliest = last - sent_at;
     for (unsigned drive = 0; drive < DRIVES; drive += is_grouped ? 3 : 1) {
       struct can_frame frame = {.can_id = 0x201 + drive, .can_dlc = is_grouped ? 6 : 4};
       for (unsigned one = 0; one < (is_grouped ? 3u : 1u); one++) {

@@ -5,6 +5,8 @@ use std::time::Duration;
 use nix::sys::time::TimeSpec;
 use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
 
+use units::time::Instant;
+
 /// Maximum time between two simultaneous readings, and maximum change between the clocks without a step, in ns.
 const MAX_SPREAD: u64 = 20_000;
 
@@ -89,6 +91,11 @@ pub fn wait(until: Duration) {
     while clock_nanosleep(ClockId::CLOCK_MONOTONIC, absolute, &until).is_err() {
         // Interrupted by a signal.
     }
+}
+
+/// Returns the time on the bus of a time since boot, both in ns.
+pub(super) const fn instant(boot: u64, opened: u64) -> Instant {
+    Instant::from_micros(boot.saturating_sub(opened) / 1_000)
 }
 
 /// Reads a clock; every Linux kernel has it.

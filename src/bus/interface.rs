@@ -70,6 +70,15 @@ pub fn check(interfaces: &[String], bursts: &[u32]) -> Result<Vec<Remark>, Unfit
     Ok(remarks)
 }
 
+/// Returns whether an interface has no wire; false if the kernel does not answer.
+pub fn is_virtual(interface: &str) -> bool {
+    query(interface).is_ok_and(|link| has_no_wire(&link))
+}
+
+fn has_no_wire(link: &InterfaceProperties) -> bool {
+    VIRTUAL.contains(&&*link.kind)
+}
+
 /// Checks the properties of an interface.
 fn judge(interface: &str, link: &InterfaceProperties, most: u32) -> Result<Vec<Remark>, Unfit> {
     let interface = interface.to_owned();
@@ -79,7 +88,7 @@ fn judge(interface: &str, link: &InterfaceProperties, most: u32) -> Result<Vec<R
     if let Some(millis) = link.restart_millis.filter(|millis| *millis != 0) {
         return Err(Unfit::Restarts { interface, millis });
     }
-    let is_virtual = VIRTUAL.contains(&&*link.kind);
+    let is_virtual = has_no_wire(link);
     let has_queue = link.qdisc != "noqueue";
     let queue = link.queue;
     if has_queue && !is_virtual && queue > most {

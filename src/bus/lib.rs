@@ -1,8 +1,9 @@
-//! CAN buses: frames, time and waiting. No other crate reads a clock or blocks.
+//! CAN buses: frames, time and waiting. Nothing else in a cycle reads a clock or blocks.
 #![forbid(unsafe_code)]
 
 mod arrival;
 pub mod clock;
+mod confirmation;
 pub mod interface;
 pub mod log_writer;
 mod netlink;
@@ -12,7 +13,8 @@ mod socket;
 mod socketcan;
 mod trace;
 
-pub use socketcan::{OpenError, SocketCan};
+pub use socket::OpenError;
+pub use socketcan::SocketCan;
 pub use trace::TappedBus;
 
 use std::time::Duration;
@@ -51,7 +53,10 @@ pub trait Bus {
 
     /// Waits for the next frame or bus event, until `until` at the latest. `now` is the caller's last reading of the
     /// clock; time that has passed since then delays the end of the wait.
-    fn wait(&mut self, now: Instant, until: Instant) -> Wake;
+    ///
+    /// What is received before `from` waits until then: who knows when its frames come is woken once for all of them. It
+    /// is then returned in the order of reception over all buses, a frame or event each call.
+    fn wait(&mut self, now: Instant, from: Instant, until: Instant) -> Wake;
 
     /// [Sends](Self::send_at) a frame now.
     ///
@@ -63,7 +68,8 @@ pub trait Bus {
 
     /// [Waits](Self::wait) for the next frame or bus event, until `until` at the latest.
     fn receive(&mut self, until: Instant) -> Option<ReceivedEvent> {
-        self.wait(self.now(), until).received
+        let now = self.now();
+        self.wait(now, now, until).received
     }
 
     /// Reopens every bus. Discards frames not yet read, finds an interface that was plugged in again, and sends nothing.

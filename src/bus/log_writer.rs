@@ -7,7 +7,7 @@
 
 use std::io::{self, Write};
 
-use canopen::frame::{Channel, TEXT_LENGTH, Telegram, hex};
+use canopen::frame::{Channel, TEXT_LENGTH, Telegram, write_hex};
 use units::time::Instant;
 
 /// Writer of a log of several buses.
@@ -16,6 +16,8 @@ pub struct LogWriter<W> {
     to: W,
     interfaces: Vec<String>,
     epoch_micros: u64,
+    /// Second of the last line, and how the stamps in it begin.
+    second: (u64, Vec<u8>),
     /// Line being written.
     line: Vec<u8>,
     /// Bytes written.
@@ -25,7 +27,9 @@ pub struct LogWriter<W> {
 impl<W: Write> LogWriter<W> {
     /// Writes to `to`, with one interface name per channel. Stamps are `epoch_micros` plus the bus time.
     pub fn new(to: W, interfaces: &[String], epoch_micros: u64) -> Self {
-        Self { to, interfaces: interfaces.to_vec(), epoch_micros, line: Vec::new(), written: 0 }
+        let second = (u64::MAX, Vec::new());
+        let interfaces = interfaces.to_vec();
+        Self { to, interfaces, epoch_micros, second, line: Vec::new(), written: 0 }
     }
 
     /// Returns the number of bytes written, line ends included.
@@ -60,9 +64,9 @@ impl<W: Write> LogWriter<W> {
         self.stamp(at);
         self.line.extend_from_slice(name.as_bytes());
         self.line.push(b' ');
-        self.line.extend(id.to_be_bytes().into_iter().flat_map(hex));
+        self.hex(&id.to_be_bytes());
         self.line.extend_from_slice(b"##0");
-        self.line.extend(data.iter().flat_map(|byte| hex(*byte)));
+        self.hex(data);
         self.end()
     }
 
@@ -77,12 +81,23 @@ impl<W: Write> LogWriter<W> {
     /// Begins a line with the time stamp of candump: seconds, and six digits of µs.
     fn stamp(&mut self, at: Instant) {
         let micros = self.epoch_micros + at.as_micros();
+        let second = micros / 1_000_000;
+        if second != self.second.0 {
+            self.second = (second, format!("({second}.").into_bytes());
+        }
         self.line.clear();
-        self.line.push(b'(');
-        decimal(&mut self.line, micros / 1_000_000, 1);
-        self.line.push(b'.');
-        decimal(&mut self.line, micros % 1_000_000, 6);
+        self.line.extend_from_slice(&self.second.1);
+        self.line.extend_from_slice(&six_digits(micros % 1_000_000));
         self.line.extend_from_slice(b") ");
+    }
+
+    /// Appends the hexadecimal digits of these bytes.
+    fn hex(&mut self, data: &[u8]) {
+        for part in data.chunks(8) {
+            let mut digits = [0; 16];
+            write_hex(&mut digits, part);
+            self.line.extend_from_slice(digits.get(..2 * part.len()).unwrap_or_default());
+        }
     }
 
     /// Ends the line, and writes it.
@@ -94,17 +109,14 @@ impl<W: Write> LogWriter<W> {
     }
 }
 
-/// Appends a number with at least `width` digits.
-fn decimal(line: &mut Vec<u8>, mut value: u64, width: usize) {
-    let start = line.len();
-    while value > 0 || line.len() < start + width {
-        let digit = u8::try_from(value % 10).unwrap_or(0);
-        line.push(b'0' + digit);
+/// Returns the last six decimal digits of a number.
+fn six_digits(mut value: u64) -> [u8; 6] {
+    let mut digits = [0; 6];
+    for place in digits.iter_mut().rev() {
+        *place = b'0' + u8::try_from(value % 10).unwrap_or(0);
         value /= 10;
     }
-    if let Some(digits) = line.get_mut(start..) {
-        digits.reverse();
-    }
+    digits
 }
 
 #[cfg(test)]

@@ -25,19 +25,27 @@ const CPUS: &str = "/sys/devices/system/cpu";
 /// (Documentation/power/pm_qos_interface.rst).
 const CPU_LATENCY: &str = "/dev/cpu_dma_latency";
 
-/// Optional settings, requested on demand.
-#[derive(Clone, Copy, Debug, Default)]
+/// Settings that a caller may choose.
+#[derive(Clone, Copy, Debug)]
 pub struct Settings {
+    /// `SCHED_FIFO` priority, 80 unless another is chosen; with `None` the thread keeps the policy and priority it has.
+    pub fifo: Option<u8>,
     /// Processor that the thread runs on alone.
     pub cpu: Option<usize>,
     /// Maximum time in which an idle processor wakes up, in µs.
     pub cpu_latency_us: Option<i32>,
 }
 
+impl Default for Settings {
+    fn default() -> Self {
+        Self { fifo: Some(PRIORITY), cpu: None, cpu_latency_us: None }
+    }
+}
+
 /// Settings in effect, and the reasons of those that the kernel refused.
 #[derive(Debug, Default)]
 pub struct GrantedSettings {
-    /// `SCHED_FIFO` at priority 80.
+    /// `SCHED_FIFO` at the priority that was requested, if any was.
     pub is_fifo: bool,
     /// Memory is locked: no page is swapped out.
     pub is_locked: bool,
@@ -61,9 +69,11 @@ pub fn ask() -> GrantedSettings {
 /// Requests all settings for the calling thread, including the optional ones. A refusal is not an error.
 pub fn ask_for(settings: Settings) -> GrantedSettings {
     let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
-    let priority = ThreadPriorityValue::try_from(PRIORITY).map(ThreadPriority::Crossplatform);
-    let is_fifo = priority.is_ok_and(|priority| {
-        set_thread_priority_and_policy(thread_native_id(), priority, fifo).is_ok()
+    let is_fifo = settings.fifo.is_none_or(|priority| {
+        let priority = ThreadPriorityValue::try_from(priority).map(ThreadPriority::Crossplatform);
+        priority.is_ok_and(|priority| {
+            set_thread_priority_and_policy(thread_native_id(), priority, fifo).is_ok()
+        })
     });
     GrantedSettings {
         is_fifo,

@@ -10,17 +10,44 @@ use nix::sys::socket::{ControlMessageOwned, MsgFlags, recvmsg, setsockopt};
 use nix::sys::time::TimeSpec;
 use socket2::{SockAddr, Type};
 use socketcan::addr::{AF_CAN, CAN_RAW};
+use socketcan::id::{CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_SFF_MASK};
 use socketcan::{
     CanAddr, CanFilter, CanFrame, CanSocket, EmbeddedFrame, Socket as _, SocketOptions, StandardId,
 };
+use thiserror::Error;
 
 use crate::arrival::Arrivals;
 use crate::clock::{self, Reading};
 use crate::{BusError, BusEvent, SendError, raw_frame};
 use canopen::frame::Frame;
+use canopen::listening::Pattern;
 
 /// Send buffer in bytes: about one cycle of frames. A larger one would store stale torques.
 const SEND_BUFFER: usize = 8 << 10;
+
+/// Maximum frames read after the end of a wait, or for one confirmation: the capacity of a socket's buffer.
+pub(super) const BACKLOG: usize = 256;
+
+/// Reasons why a bus cannot be opened.
+#[derive(Debug, Error)]
+pub enum OpenError {
+    /// Kernel without CAN support.
+    #[error(
+        "{interface}: the kernel has no CAN support (scripts/with_vcan.sh runs a kernel that has)"
+    )]
+    NoCan { interface: String },
+    /// Interface that does not exist.
+    #[error(
+        "{0}: no such interface; `ip link` lists those that exist, and scripts/vcan_setup.sh creates virtual ones"
+    )]
+    Absent(String),
+    /// Any other error of the kernel.
+    #[error("{interface}: {error}")]
+    Failed { interface: String, error: io::Error },
+    /// More buses than a node can have.
+    #[error("at most 8 buses, got {0}")]
+    TooMany(usize),
+}
 
 /// Raw socket bound to one interface.
 #[derive(Debug)]
@@ -57,7 +84,14 @@ pub(super) struct Purpose<'a> {
 
 impl Socket {
     /// Opens a raw CAN socket, bound to `interface` once its options are set.
-    pub(super) fn open(interface: &str, purpose: &Purpose<'_>) -> io::Result<Self> {
+    ///
+    /// # Errors
+    /// When there is no such interface, or the kernel refuses a socket or an option.
+    pub(super) fn open(interface: &str, purpose: &Purpose<'_>) -> Result<Self, OpenError> {
+        Self::opened(interface, purpose).map_err(|error| open_error(interface, error))
+    }
+
+    fn opened(interface: &str, purpose: &Purpose<'_>) -> io::Result<Self> {
         let address = CanAddr::from_iface(interface)?;
         let raw = socket2::Socket::new_raw(AF_CAN.into(), Type::RAW, Some(CAN_RAW.into()))?;
         let raw = CanSocket::from(OwnedFd::from(raw));
@@ -92,7 +126,8 @@ impl Socket {
         })
     }
 
-    /// Reads one frame; `None` if no frame waits. `now` is a reading of the clocks after its reception.
+    /// Reads one frame; `None` if no frame waits. `now` is a reading of the clocks before this call, which dates a frame
+    /// that came after it.
     ///
     /// # Errors
     /// When the interface is down or missing.
@@ -112,7 +147,11 @@ impl Socket {
                 }
                 message.bytes
             }
-            Err(Errno::EAGAIN | Errno::EINTR) => return Ok(None),
+            Err(Errno::EAGAIN) => {
+                self.found_empty(now);
+                return Ok(None);
+            }
+            Err(Errno::EINTR) => return Ok(None),
             Err(_) => return Err(BusError::Down),
         };
         let has_overrun = lost != std::mem::replace(&mut self.lost, lost);
@@ -135,5 +174,26 @@ impl Socket {
 impl AsFd for Socket {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.raw.as_fd()
+    }
+}
+
+/// Filters data frames with 11 bits: the mask has both flags, the identifier has none.
+pub(super) fn data_frames(pattern: &Pattern) -> CanFilter {
+    let mask = u32::from(pattern.mask) & CAN_SFF_MASK;
+    CanFilter::new(pattern.cob_id.into(), mask | CAN_EFF_FLAG | CAN_RTR_FLAG)
+}
+
+/// Filters remote frames with 11 bits.
+pub(super) fn remote_frames() -> CanFilter {
+    CanFilter::new(CAN_RTR_FLAG, CAN_EFF_FLAG | CAN_RTR_FLAG)
+}
+
+/// Maps an error of the kernel.
+fn open_error(interface: &str, error: io::Error) -> OpenError {
+    let interface = interface.to_owned();
+    match error.raw_os_error().map(Errno::from_raw) {
+        Some(Errno::ENODEV) => OpenError::Absent(interface),
+        Some(Errno::EAFNOSUPPORT | Errno::EPROTONOSUPPORT) => OpenError::NoCan { interface },
+        _ => OpenError::Failed { interface, error },
     }
 }

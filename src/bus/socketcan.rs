@@ -3,25 +3,18 @@
 //! Error frames and 29-bit identifiers are filtered out here, and remote frames except for
 //! [simulated devices](SocketCan::with_remote_frames). Time is `CLOCK_BOOTTIME` since opening, read once per wait. Each
 //! frame has its receive time, so that a late reader detects stale frames.
-//!
-//! A controller in bus-off accepts frames without transmitting them. A second socket per bus therefore receives SYNC only,
-//! for [transmit confirmation](SocketCan::with_transmit_confirmation). Drivers with `IFF_ECHO` loop a frame back to other
-//! sockets once it was transmitted. With other drivers the kernel loops it back at once, which confirms nothing.
 
-use std::io;
 use std::os::fd::AsFd;
 use std::time::Duration;
 
-use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, ppoll};
 use nix::sys::time::TimeSpec;
 use socketcan::CanFilter;
-use socketcan::id::{CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_SFF_MASK};
-use thiserror::Error;
 
-use crate::clock::{self, Reading};
+use crate::clock::{self, Reading, instant};
+use crate::confirmation::ConfirmationSocket;
 use crate::interface::{self, Remark, Unfit};
-use crate::socket::{Purpose, Socket};
+use crate::socket::{BACKLOG, OpenError, Purpose, Socket, data_frames, remote_frames};
 use crate::{Bus, BusError, BusEvent, ReceivedEvent, ReopenError, SendError, Wake};
 use canopen::frame::{Channel, Telegram};
 use canopen::listening::Pattern;
@@ -30,28 +23,6 @@ use units::time::Instant;
 
 /// Maximum buses of one node.
 const MAX_BUSES: usize = 8;
-
-/// Maximum frames read after the end of a wait, or for one confirmation: the capacity of a socket's buffer.
-const BACKLOG: usize = 256;
-
-/// Reasons why a bus cannot be opened.
-#[derive(Debug, Error)]
-pub enum OpenError {
-    /// Kernel without CAN support.
-    #[error(
-        "{interface}: the kernel has no CAN support (scripts/with_vcan.sh runs a kernel that has)"
-    )]
-    NoCan { interface: String },
-    /// Interface that does not exist.
-    #[error("{0}: no such interface")]
-    Absent(String),
-    /// Any other error of the kernel.
-    #[error("{interface}: {error}")]
-    Failed { interface: String, error: io::Error },
-    /// More buses than a node can have.
-    #[error("at most 8 buses, got {0}")]
-    TooMany(usize),
-}
 
 /// Several SocketCAN interfaces with a common clock.
 #[derive(Debug)]
@@ -77,19 +48,12 @@ struct Line {
     filters: Vec<CanFilter>,
     receives_own: bool,
     socket: Socket,
-    /// Frame received after the deadline of the call that read it. Its socket is not read meanwhile.
+    /// Frame read before its turn, or received after the deadline of the call that read it. Its socket is not read
+    /// meanwhile.
     held: Option<ReceivedEvent>,
+    /// Set after a sleep, until its socket is found empty: it is read without a poll.
+    is_unread: bool,
     confirmation: Option<ConfirmationSocket>,
-}
-
-/// Socket that receives SYNC, also those of this node.
-#[derive(Debug)]
-struct ConfirmationSocket {
-    socket: Socket,
-    /// Time of the last SYNC seen.
-    event: Instant,
-    /// Time of the last SYNC of this node.
-    sent: Instant,
 }
 
 impl SocketCan {
@@ -186,6 +150,34 @@ impl SocketCan {
         instant(self.last.boot, self.opened)
     }
 
+    /// Lets time pass until `from`, and returns the time. Frames stay in their sockets meanwhile.
+    fn sleep(&mut self, mut now: Instant, from: Instant) -> Instant {
+        while now < from {
+            // A signal may end the sleep early.
+            ppoll(&mut [], Some(TimeSpec::from_duration(from.since(now))), None).ok();
+            now = self.read_clocks();
+        }
+        self.lines.iter_mut().for_each(|line| line.is_unread = true);
+        now
+    }
+
+    /// Holds the next frame of each bus slept over, so that the oldest is known. Returns the time.
+    fn read_slept_over(&mut self, mut now: Instant) -> Instant {
+        for place in 0..self.lines.len() {
+            for _ in 0..BACKLOG {
+                if !self.lines.get(place).is_some_and(|line| line.is_unread && line.is_read()) {
+                    break;
+                }
+                now = self.read_clocks();
+                let received = self.read(place, now);
+                if let Some(line) = self.lines.get_mut(place) {
+                    line.held = received;
+                }
+            }
+        }
+        now
+    }
+
     /// Waits until a bus can be read, at most `timeout`, and returns its place. Buses with a held frame wait.
     fn poll(&mut self, timeout: Duration) -> Option<usize> {
         let anchor = self.lines.first()?.socket.as_fd();
@@ -227,14 +219,20 @@ impl SocketCan {
         let channel = Channel(u8::try_from(place).unwrap_or(u8::MAX));
         let error = |at, error| ReceivedEvent { at, channel, event: BusEvent::Error(error) };
         match line.socket.read(self.last) {
-            Ok(taken) => {
-                let taken = taken?;
+            Ok(None) => {
+                line.is_unread = false;
+                None
+            }
+            Ok(Some(taken)) => {
                 let at = instant(taken.arrived, opened);
                 let overrun = taken.has_overrun.then(|| error(now, BusError::Overrun));
                 self.overrun = self.overrun.or(overrun);
                 Some(ReceivedEvent { at, channel, event: taken.event? })
             }
-            Err(down) => Some(error(now, down)),
+            Err(down) => {
+                line.is_unread = false;
+                Some(error(now, down))
+            }
         }
     }
 }
@@ -265,12 +263,16 @@ impl Bus for SocketCan {
         if let Some(confirmation) = &mut line.confirmation
             && telegram.frame.cob_id == sync::COB_ID
         {
-            confirmation.sent = now;
+            confirmation.on_sync(now);
         }
         Ok(())
     }
 
-    fn wait(&mut self, mut now: Instant, until: Instant) -> Wake {
+    fn wait(&mut self, mut now: Instant, from: Instant, until: Instant) -> Wake {
+        if now < from {
+            now = self.sleep(now, from);
+        }
+        now = self.read_slept_over(now);
         if let Some(ready) = self.overrun.take().or_else(|| self.take_held(until)) {
             return Wake { now, received: Some(ready) };
         }
@@ -317,14 +319,23 @@ impl Line {
         let filters = vec![data_frames(&Pattern::ANY)];
         let socket = socket(interface, &filters, false)?;
         let interface = interface.to_owned();
-        Ok(Self { interface, filters, receives_own: false, socket, held: None, confirmation: None })
+        let (held, confirmation) = (None, None);
+        Ok(Self {
+            interface,
+            filters,
+            receives_own: false,
+            socket,
+            held,
+            is_unread: false,
+            confirmation,
+        })
     }
 
     /// Opens the sockets again with their options: discards frames not yet read, and finds an interface that was
     /// plugged in again.
     fn reopen(&mut self) -> Result<(), OpenError> {
         self.socket = socket(&self.interface, &self.filters, self.receives_own)?;
-        self.held = None;
+        (self.held, self.is_unread) = (None, false);
         if self.confirmation.is_some() {
             self.confirmation = Some(ConfirmationSocket::open(&self.interface)?);
         }
@@ -337,61 +348,8 @@ impl Line {
     }
 }
 
-impl ConfirmationSocket {
-    fn open(interface: &str) -> Result<Self, OpenError> {
-        let filters = [data_frames(&Pattern::only(sync::COB_ID))];
-        let purpose = Purpose { filters: &filters, receives_errors: false, receives_own: false };
-        let socket =
-            Socket::open(interface, &purpose).map_err(|error| open_error(interface, error))?;
-        Ok(Self { socket, event: Instant::ZERO, sent: Instant::ZERO })
-    }
-
-    /// Reads up to the SYNC of this cycle, and returns the time of the last one. The socket of the bus reports an
-    /// interface that is down.
-    fn read(&mut self, now: Reading, opened: u64) -> Instant {
-        for _ in 0..BACKLOG {
-            // Emptiness of the socket is checked only if a stamp would otherwise be of an unknown clock.
-            if self.event >= self.sent && !self.socket.is_before_a_step(now) {
-                break;
-            }
-            let Ok(Some(taken)) = self.socket.read(now) else {
-                self.socket.found_empty(now);
-                break;
-            };
-            self.event = instant(taken.arrived, opened);
-        }
-        self.event
-    }
-}
-
-/// Returns the time on the bus of a time since boot, both in ns.
-const fn instant(boot: u64, opened: u64) -> Instant {
-    Instant::from_micros(boot.saturating_sub(opened) / 1_000)
-}
-
 /// Opens the socket of a bus.
 fn socket(interface: &str, filters: &[CanFilter], receives_own: bool) -> Result<Socket, OpenError> {
     let purpose = Purpose { filters, receives_errors: true, receives_own };
-    Socket::open(interface, &purpose).map_err(|error| open_error(interface, error))
-}
-
-/// Filters data frames with 11 bits: the mask has both flags, the identifier has none.
-fn data_frames(pattern: &Pattern) -> CanFilter {
-    let mask = u32::from(pattern.mask) & CAN_SFF_MASK;
-    CanFilter::new(pattern.cob_id.into(), mask | CAN_EFF_FLAG | CAN_RTR_FLAG)
-}
-
-/// Filters remote frames with 11 bits.
-fn remote_frames() -> CanFilter {
-    CanFilter::new(CAN_RTR_FLAG, CAN_EFF_FLAG | CAN_RTR_FLAG)
-}
-
-/// Maps an error of the kernel.
-fn open_error(interface: &str, error: io::Error) -> OpenError {
-    let interface = interface.to_owned();
-    match error.raw_os_error().map(Errno::from_raw) {
-        Some(Errno::ENODEV) => OpenError::Absent(interface),
-        Some(Errno::EAFNOSUPPORT | Errno::EPROTONOSUPPORT) => OpenError::NoCan { interface },
-        _ => OpenError::Failed { interface, error },
-    }
+    Socket::open(interface, &purpose)
 }

@@ -49,8 +49,8 @@ impl<B: Bus, T: Tap> Bus for TappedBus<B, T> {
         Ok(())
     }
 
-    fn wait(&mut self, now: Instant, until: Instant) -> Wake {
-        let wake = self.bus.wait(now, until);
+    fn wait(&mut self, now: Instant, from: Instant, until: Instant) -> Wake {
+        let wake = self.bus.wait(now, from, until);
         if let Some(ReceivedEvent { at, channel, event: BusEvent::Frame(frame) }) = wake.received {
             self.tap.on_wire(at, &Telegram { channel, frame });
         }

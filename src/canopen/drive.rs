@@ -8,6 +8,9 @@ use std::fmt;
 /// Mode (6060h) in which the target torque (6071h) acts at every SYNC.
 pub const CYCLIC_SYNCHRONOUS_TORQUE: i8 = 10;
 
+/// Homing mode (6060h).
+pub const HOMING: i8 = 6;
+
 /// Statusword (6041h).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Statusword(pub u16);
@@ -23,6 +26,10 @@ impl Statusword {
     pub const WARNING: u16 = 1 << 7;
     /// Bit 9: controlwords act.
     pub const REMOTE: u16 = 1 << 9;
+    /// Bit 12 in homing mode: homing attained.
+    pub const HOMING_ATTAINED: u16 = 1 << 12;
+    /// Bit 13 in homing mode: homing error.
+    pub const HOMING_ERROR: u16 = 1 << 13;
     /// Bit 11: a limit inside the drive is active, such as 6072h.
     pub const INTERNAL_LIMIT: u16 = 1 << 11;
     /// Bit 12 in cyclic modes: the drive follows the target.
@@ -108,6 +115,8 @@ impl Controlword {
     pub const SWITCH_ON: Self = Self(0x0007);
     /// Enters operation enabled: transition 4.
     pub const ENABLE_OPERATION: Self = Self(0x000F);
+    /// Starts a homing in operation enabled: bit 4 (CiA 402-2, 11).
+    pub const START_HOMING: Self = Self(0x001F);
     /// Resets a fault by the rising edge of bit 7: transition 15.
     pub const FAULT_RESET: Self = Self(0x0080);
 

@@ -22,6 +22,13 @@ pub const fn hex(byte: u8) -> [u8; 2] {
     [digit(byte >> 4), digit(byte & 0xF)]
 }
 
+/// Writes both hexadecimal digits of each byte into `text`, as far as it has room.
+pub fn write_hex(text: &mut [u8], data: &[u8]) {
+    for (pair, byte) in text.chunks_exact_mut(2).zip(data) {
+        pair.copy_from_slice(&hex(*byte));
+    }
+}
+
 /// CAN frame: a data frame, unless made by [`remote`](Self::remote).
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Frame {
@@ -86,21 +93,19 @@ impl Frame {
         let [high, low] = self.cob_id.to_be_bytes();
         let [_, third] = hex(high);
         let [second, first] = hex(low);
-        let start = [third, second, first, b'#'];
-        let mut length = 0;
-        let mut put = |byte: u8| {
-            if let Some(place) = text.get_mut(length) {
-                *place = byte;
-                length += 1;
+        let (start, rest) = text.split_at_mut(4);
+        start.copy_from_slice(&[third, second, first, b'#']);
+        let length = match (self.is_remote, self.length) {
+            (true, requested) => {
+                rest.iter_mut().zip([b'R', b'0' + requested]).for_each(|(to, from)| *to = from);
+                if requested > 0 { 2 } else { 1 }
+            }
+            (false, length) => {
+                write_hex(rest, self.data());
+                2 * usize::from(length)
             }
         };
-        start.into_iter().for_each(&mut put);
-        if self.is_remote {
-            put(b'R');
-            (self.length > 0).then(|| put(b'0' + self.length));
-        }
-        self.data().iter().flat_map(|byte| hex(*byte)).for_each(put);
-        text.get(..length).unwrap_or_default()
+        text.get(..4 + length).unwrap_or_default()
     }
 
     /// Data length code, 0 to 8: of its data, or of the requested data.

@@ -4,6 +4,14 @@
 //! returns the time of the next timer. Frames to send are appended to a list. The caller waits, and owns clock and socket.
 //! `examples/boot_one_drive.rs` boots a drive with the [`master`].
 //!
+//! | begin with | for |
+//! |---|---|
+//! | [`plan`], [`layout`] | what a node is configured with, from its [`eds`] |
+//! | `master/steps.rs` | the boot of a node as data, with its picture; [`master`] runs it |
+//! | [`exchange`], [`drive`] | the cycle: which bits of which frame are whose, resolved once from all layouts |
+//! | [`sdo`] | one transfer |
+//! | [`load`] | bits, response times and timeline of a bus |
+//!
 //! ```
 //! use std::time::Duration;
 //!

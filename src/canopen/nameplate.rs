@@ -15,60 +15,26 @@
 //!
 //! [`position_scale`] has 608Fh, 6091h and 6092h, [`units`] 60A8h, 60A9h, 6093h, 6094h and 607Bh.
 
+mod misfit;
 pub mod position_scale;
+mod ratio;
+mod stored_value;
 pub mod units;
 
-use derive_more::Display;
-use thiserror::Error;
+pub use misfit::NameplateMisfit;
+pub use ratio::Ratio;
+pub use stored_value::StoredValue;
 
+use crate::nameplate::misfit::number;
 use crate::nameplate::position_scale::PositionScale;
 use crate::nameplate::units::{SiUnit, Units};
 use crate::object::Object;
-use crate::sdo::Content;
 
 /// Relative deviation of a rating that is a matter of rounding.
 const ROUNDING: f64 = 0.01;
 
 /// Supported drive modes (6502h): cyclic synchronous torque.
 pub const HAS_CYCLIC_TORQUE: u32 = 1 << 9;
-
-/// Ratio of sub-index 1 to sub-index 2.
-#[derive(Clone, Copy, Debug, Display)]
-#[display("{}:{}", self.0, self.1)]
-pub struct Ratio(pub u32, pub u32);
-
-impl Ratio {
-    /// One to one.
-    pub const ONE: Self = Self(1, 1);
-
-    /// Returns the reduced product with an integer; `None` beyond 32 bits.
-    pub fn times(self, factor: u32) -> Option<Self> {
-        let (of, to) = (u64::from(self.0) * u64::from(factor), u64::from(self.1));
-        let divisor = common_divisor(of, to).max(1);
-        Some(Self(u32::try_from(of / divisor).ok()?, u32::try_from(to / divisor).ok()?))
-    }
-
-    /// Returns the quotient; infinite or NaN for a ratio to zero.
-    pub fn value(self) -> f64 {
-        f64::from(self.0) / f64::from(self.1)
-    }
-}
-
-/// Returns the greatest common divisor; zero of two zeros.
-const fn common_divisor(mut a: u64, mut b: u64) -> u64 {
-    while b != 0 {
-        (a, b) = (b, a % b);
-    }
-    a
-}
-
-/// Equal as numbers; a ratio to zero equals nothing.
-impl PartialEq for Ratio {
-    fn eq(&self, other: &Self) -> bool {
-        let cross = |a: u32, b: u32| u64::from(a) * u64::from(b);
-        self.1 != 0 && other.1 != 0 && cross(self.0, other.1) == cross(other.0, self.1)
-    }
-}
 
 /// Rated value in the unit of its object.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -109,58 +75,6 @@ pub struct Nameplate {
     pub units: Units,
     /// Supported modes (6502h) as the configuration states them; `None` expects cyclic synchronous torque among them.
     pub modes: Option<u32>,
-}
-
-/// Value read from a drive, of one to four bytes.
-#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
-#[display("{object} = {value:0digits$X}h", digits = usize::from(2 * size))]
-pub struct StoredValue {
-    /// Object that was read.
-    pub object: Object,
-    /// Value, decoded from its little-endian bytes.
-    pub value: u32,
-    /// Number of bytes.
-    pub size: u8,
-}
-
-impl StoredValue {
-    /// Returns the content of an object; `None` unless it has one to four bytes. A reply of unknown size is cut to the size
-    /// of the object, because the bytes behind it are meaningless.
-    pub fn from_content(object: Object, content: &Content) -> Option<Self> {
-        let size = match object {
-            Object::POLARITY => 1,
-            Object::POSITIVE_TORQUE_LIMIT | Object::NEGATIVE_TORQUE_LIMIT => 2,
-            _ => 4,
-        };
-        Self::from_bytes(object, content.exactly(size).unwrap_or(content.bytes()))
-    }
-
-    fn from_bytes(object: Object, bytes: &[u8]) -> Option<Self> {
-        let size = u8::try_from(bytes.len()).ok().filter(|size| (1..=4).contains(size))?;
-        let value = bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte));
-        Some(Self { object, value, size })
-    }
-
-    /// Returns whether the value may change while the drive runs, and matters then.
-    pub fn may_change(&self) -> bool {
-        ![Object::SUPPORTED_MODES, Object::ACCELERATION_UNIT].contains(&self.object)
-    }
-}
-
-/// Stored value of a drive that is not the configured one.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("{name} ({object}) is {found}, expected {expected}: {remedy}")]
-pub struct NameplateMisfit {
-    /// Name of the quantity.
-    pub name: &'static str,
-    /// Object, by its index.
-    pub object: Object,
-    /// Value found.
-    pub found: String,
-    /// Value of the configuration.
-    pub expected: String,
-    /// Instruction for the operator, which ends the message.
-    pub remedy: &'static str,
 }
 
 const POLARITY: &str = "set it with the maker's tool or [[joint.boot.write]], or state it as drive_polarity and check the \
@@ -252,12 +166,6 @@ impl Nameplate {
         }
         misfit("supported modes", Object::SUPPORTED_MODES, format!("{found:08X}h"), expected, MODE)
     }
-}
-
-/// Returns a number with as many digits as it needs, at most three behind the point.
-fn number(value: f64) -> String {
-    let text = format!("{value:.3}");
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 const POSITION_UNIT: &str = "set it with the maker's tool or [[joint.boot.write]], or state it as drive_position_unit and give \
@@ -381,14 +289,6 @@ mod tests {
     }
 
     #[test]
-    fn product_of_a_ratio_is_reduced() {
-        let times = |ratio: Ratio, factor| ratio.times(factor).map(|it| it.to_string());
-        assert_eq!(times(Ratio(5_308_416, 65_536), 16_384).as_deref(), Some("1327104:1"));
-        assert_eq!(times(Ratio(2, 3), 5).as_deref(), Some("10:3"));
-        assert_eq!(times(Ratio(u32::MAX, 1), 2), None);
-    }
-
-    #[test]
     fn rated_torque_is_compared_but_for_rounding() {
         for (found, is_right) in [(176, true), (177, true), (178, true), (180, false), (0, false)] {
             assert_eq!(
@@ -428,16 +328,6 @@ mod tests {
         assert!(
             judged(&[held(Object::SUPPORTED_MODES, 0x6D)]).contains("is 0000006Dh, expected bit 9")
         );
-    }
-
-    #[test]
-    fn held_value_has_one_to_four_bytes() {
-        let of = |bytes: &[u8]| {
-            StoredValue::from_bytes(Object::POLARITY, bytes).map(|held| (held.value, held.size))
-        };
-        assert_eq!(of(&[0x80]), Some((0x80, 1)));
-        assert_eq!(of(&[1, 2, 3, 4]), Some((0x0403_0201, 4)));
-        assert_eq!((of(&[]), of(&[0; 5])), (None, None));
     }
 
     fn judged_units(held: &[(Object, u32)]) -> String {

@@ -10,6 +10,7 @@
 
 use std::fmt;
 
+pub use canopen_rs::nmt::heartbeat_cob_id;
 use canopen_rs::nmt::{NMT_COMMAND_COB_ID, decode_command, encode_command};
 use canopen_rs::{NmtCommand, NmtState, NodeId};
 

@@ -27,6 +27,17 @@ pub struct Identity {
     pub revision: u32,
 }
 
+/// Homing of a drive at rest: it takes its current position for home (CiA 402-2, 11).
+#[derive(Clone, Debug, PartialEq)]
+pub struct HomingPlan {
+    /// Homing method (6098h): 37, or 35 in older drives.
+    pub method: i8,
+    /// Home offset (607Ch): position that 6064h reads at home; `None` if the drive has no such object.
+    pub offset: Option<i32>,
+    /// Reduced torque limits during the homing.
+    pub reduced_limits: Vec<(Object, Value)>,
+}
+
 /// Further criteria for accepting a node; none by default.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Admission {
@@ -168,6 +179,8 @@ pub struct NodePlan {
     pub mode: Option<i8>,
     /// Condition under which the drive displays its mode.
     pub shown_mode: ShownMode,
+    /// Homing without motion, which an operator may request.
+    pub homing: Option<HomingPlan>,
     /// Error codes of its emergencies that are warnings while their error register is 0.
     pub emcy_warnings: Vec<u16>,
     /// COB-ID of its emergencies: by default 80h + node-id, ahead of every PDO.
@@ -261,6 +274,7 @@ impl NodePlan {
             safety: Vec::new(),
             mode: None,
             shown_mode: ShownMode::Always,
+            homing: None,
             emcy_warnings: Vec::new(),
             emcy_cob_id: emcy::default_cob_id(node),
             error_control: ErrorControl::Heartbeat {

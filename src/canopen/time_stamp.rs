@@ -59,24 +59,12 @@ impl TimeOfDay {
     }
 }
 
-/// COB-ID of a TIME producer, by object 1012h: bit 30 enables it, bit 29 marks a 29-bit identifier, which is not
-/// supported.
-pub fn produced(cob_id_time: u32) -> Option<u16> {
-    identifier(cob_id_time, PRODUCES)
-}
-
-/// COB-ID of a TIME consumer, by object 1012h: bit 31 enables it.
-pub fn consumed(cob_id_time: u32) -> Option<u16> {
-    identifier(cob_id_time, CONSUMES)
-}
-
 const CONSUMES: u32 = 1 << 31;
-const PRODUCES: u32 = 1 << 30;
 const EXTENDED: u32 = 1 << 29;
 
-/// Identifier of 1012h if the bit `role` is set.
-fn identifier(cob_id_time: u32, role: u32) -> Option<u16> {
-    if cob_id_time & (role | EXTENDED) != role {
+/// COB-ID of a TIME consumer, by object 1012h: bit 31 enables it, bit 29 marks a 29-bit identifier, which is not supported.
+pub fn consumed(cob_id_time: u32) -> Option<u16> {
+    if cob_id_time & (CONSUMES | EXTENDED) != CONSUMES {
         return None;
     }
     let identifier = cob_id_time & (EXTENDED - 1);
@@ -167,17 +155,17 @@ mod tests {
     }
 
     #[test]
-    fn object_1012h_enables_producer_and_consumer() {
+    fn object_1012h_enables_a_consumer() {
         let cases = [
-            (0x4000_0100, Some(0x100), None),
-            (0xC000_0101, Some(0x101), Some(0x101)),
-            (0x8000_0100, None, Some(0x100)),
-            (0x0000_0100, None, None),
-            (0xE000_0100, None, None),
-            (0xC000_0800, None, None),
+            (0x4000_0100, None),
+            (0xC000_0101, Some(0x101)),
+            (0x8000_0100, Some(0x100)),
+            (0x0000_0100, None),
+            (0xE000_0100, None),
+            (0xC000_0800, None),
         ];
-        for (raw, makes, takes) in cases {
-            assert_eq!((produced(raw), consumed(raw)), (makes, takes), "{raw:08X}h");
+        for (raw, takes) in cases {
+            assert_eq!(consumed(raw), takes, "{raw:08X}h");
         }
     }
 

@@ -1,5 +1,7 @@
 //! Checks that gravity, centres of mass and inertias of `[arm]` and `[[joint]]` are physically possible.
 
+use std::ops::RangeInclusive;
+
 use nalgebra::{Matrix3, Vector3};
 
 use crate::problem::Problems;
@@ -8,11 +10,17 @@ use crate::value::{HasPlace, Value};
 use toml_input::List;
 
 /// Range of gravity on a planet or moon, in m/s². It excludes 9810, which is in mm/s².
-const GRAVITY: std::ops::RangeInclusive<f64> = 1.0..=20.0;
+const GRAVITY: RangeInclusive<f64> = 1.0..=20.0;
 
 /// Maximum distance of a centre of mass from its link's frame, in m. The length of a link does not bound it, because
 /// counterweights lie behind their joint.
 const MAX_DISTANCE: f64 = 2.0;
+
+/// Range of the inertia or mass of a rotor, seen behind its gear, in kg·m² or kg.
+pub(super) const ROTOR: RangeInclusive<f64> = 1e-6..=1e4;
+
+/// Range of viscous friction, in N·m·s/rad or N·s/m.
+pub(super) const VISCOUS: RangeInclusive<f64> = 0.0..=1e4;
 
 /// Relative excess of the largest principal moment over the sum of the others that rounding in the file may cause.
 const ROUNDING: f64 = 1e-2;

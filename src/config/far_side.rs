@@ -10,7 +10,7 @@ use crate::model;
 use crate::net_ft::{self, NetFtSensor};
 use crate::problem::Problems;
 use crate::raw;
-use crate::remote::{given, is_both, is_link};
+use crate::remote::{given, has_model, is_both, is_link};
 use crate::robots::RobotArm;
 use crate::value::Optional;
 use ::remote::delay::HOLD_AFTER;
@@ -85,7 +85,10 @@ pub(super) fn read(
     let model_limit = model::limit(file, problems);
     let mut agreement = None;
     if is_link(&file.remote) {
-        refuse_keys_of_the_robot(raw, problems);
+        // A file with a model is that of the robot, too.
+        if !has_model(&file.remote) {
+            refuse_keys_of_the_robot(raw, problems);
+        }
         let [name, stiffest_name] = ["round_trip_ms", "stiffest_contact_n_per_m"];
         let round_trip = required(&raw.round_trip_ms, name, NEEDED, round_trip, problems);
         let key = &raw.stiffest_contact_n_per_m;
@@ -121,7 +124,8 @@ pub(super) fn read(
     })
 }
 
-/// Refuses keys of the robot in the file of a node, where they would have no effect: the contract does not carry them.
+/// Refuses keys of the robot in the file of a node alone, where they would have no effect: the contract does not carry
+/// them.
 fn refuse_keys_of_the_robot(raw: &raw::RemoteLink, problems: &mut Problems<'_>) {
     for key in [&raw.wrench_limit_n, &raw.wrench_limit_nm] {
         if !key.is_absent() {

@@ -39,6 +39,18 @@ impl Files {
         Self { trust: None, read: Rc::new(RefCell::new(copies)) }
     }
 
+    /// Replaces the content of a file.
+    #[must_use]
+    pub fn with(self, path: &Path, content: impl Into<Arc<[u8]>>) -> Self {
+        self.read.borrow_mut().insert(path.to_path_buf(), content.into());
+        self
+    }
+
+    /// Returns whether only copies are read: the files of a recorded session.
+    pub const fn are_recorded(&self) -> bool {
+        self.trust.is_none()
+    }
+
     /// Returns everything that was read.
     pub fn copies(&self) -> Copies {
         self.read.borrow().clone()

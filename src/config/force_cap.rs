@@ -7,9 +7,9 @@
 //! Gravity compensation balances the weight, and friction compensation is at most 0.7 of the friction. A held damper
 //! d slows the hand unless d t / m exceeds 1: the excess reverses the motion and adds to the speed.
 
-use std::fmt;
 use std::time::Duration;
 
+use derive_more::Display;
 use thiserror::Error;
 
 /// Maximum speed that the hand may reach before the drives stop without a master, in m/s.
@@ -23,8 +23,8 @@ pub const UNPROVEN_REACTION_TIME: Duration = Duration::from_millis(250);
 pub struct ForceCap {
     /// Maximum of each kind of force, in N.
     pub forces: Forces,
-    /// Sum of all dampers, in N·s/m.
-    pub damping: f64,
+    /// Maximum of each damper, in N·s/m.
+    pub dampers: Dampers,
     /// Speed at which the node stops the hand, in m/s.
     pub max_speed: f64,
     /// Mass of hand and grip, in kg: `[safety] effective_mass_kg`.
@@ -44,74 +44,129 @@ pub struct Forces {
     pub soft_stops: f64,
 }
 
+/// Dampers of the grip, in N·s/m; zero for one that is absent.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Dampers {
+    /// K_D, the largest of the three axes.
+    pub constant: f64,
+    /// Passivity layer, at its strongest.
+    pub passivity: f64,
+    /// Energy tank, at its strongest.
+    pub tank: f64,
+}
+
+/// Summand of the forces or the dampers, with the key that sets it, relative to `[controller]`.
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
+pub enum Summand {
+    /// Reflection.
+    #[display("max_force_n")]
+    Reflected,
+    /// Return to centre and walls.
+    #[display("centring_n and walls")]
+    Centring,
+    /// Springs of the soft stops.
+    #[display("soft_stops.push")]
+    SoftStops,
+    /// K_D.
+    #[display("damping_ns_per_m")]
+    Damping,
+    /// Damper of the passivity layer.
+    #[display("passivity.max_damping_ns_per_m")]
+    PassivityDamper,
+    /// Damper of the energy tank.
+    #[display("tank.max_damping_ns_per_m")]
+    TankDamper,
+}
+
 impl Forces {
     /// Returns the sum of the forces, as if all act along one line.
     pub fn total(&self) -> f64 {
-        let Self { reflected, centring, soft_stops } = self;
-        reflected + centring + soft_stops
+        self.summands().iter().map(|(_, force)| force).sum()
     }
 
-    /// Returns the kind that contributes most to the sum.
-    pub fn largest(&self) -> ForceKind {
+    const fn summands(&self) -> [(Summand, f64); 3] {
         let Self { reflected, centring, soft_stops } = *self;
-        if reflected >= centring && reflected >= soft_stops {
-            ForceKind::Reflected
-        } else if centring >= soft_stops {
-            ForceKind::Centring
-        } else {
-            ForceKind::SoftStops
-        }
+        [
+            (Summand::Reflected, reflected),
+            (Summand::Centring, centring),
+            (Summand::SoftStops, soft_stops),
+        ]
     }
 }
 
-/// Origin of a force at the grip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ForceKind {
-    /// Reflection, of a sensed force or of the virtual coupling.
-    Reflected,
-    /// Return to centre and walls.
-    Centring,
-    /// Springs of the soft stops, at the ends of the joints' ranges.
-    SoftStops,
-}
+impl Dampers {
+    /// Returns the sum of the dampers.
+    pub fn total(&self) -> f64 {
+        self.summands().iter().map(|(_, damping)| damping).sum()
+    }
 
-/// Writes the sum and its terms: `43.5 N (max_force_n = 40, return to centre and walls 3.5)`.
-impl fmt::Display for Forces {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { reflected, centring, soft_stops } = self;
-        write!(f, "{:.1} N (max_force_n = {reflected}", self.total())?;
-        for (name, force) in [("return to centre and walls", centring), ("soft stops", soft_stops)]
-        {
-            if *force > 0.0 {
-                write!(f, ", {name} {force:.1}")?;
-            }
-        }
-        f.write_str(")")
+    const fn summands(&self) -> [(Summand, f64); 3] {
+        let Self { constant, passivity, tank } = *self;
+        [
+            (Summand::Damping, constant),
+            (Summand::PassivityDamper, passivity),
+            (Summand::TankDamper, tank),
+        ]
     }
 }
 
 /// Error of forces above the maximum that the drives' timers allow.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error(
-    "{forces}{} for the {:.1} ms until a drive stops by itself would make {mass} kg of hand and grip \
-     {speed:.2} m/s fast, more than {}: at most {max_force:.1} N in all",
-    dampers(.damping), millis(.reaction_time), bound(.is_halved)
+    "{:.1} N ({}){} for the {:.1} ms until a drive stops by itself would make {} kg of hand and grip \
+     {speed:.2} m/s fast, more than {}: {}",
+    .cap.forces.total(), listed(.cap.forces.summands()), self.dampers(), millis(.reaction_time),
+    .cap.effective_mass, bound(.cap.is_halved), self.remedy()
 )]
 pub struct ForceAboveCap {
-    /// Configured forces.
-    pub forces: Forces,
-    /// Dampers that reverse the motion of the hand, in N·s/m; `None` if they only slow it.
-    pub damping: Option<f64>,
+    /// Configured forces and dampers.
+    pub cap: ForceCap,
     /// Maximum time from the loss of the master until a drive's own timer stops it.
     pub reaction_time: Duration,
-    /// Mass of hand and grip, in kg.
-    pub mass: f64,
     /// Speed that the hand would reach, in m/s.
     pub speed: f64,
-    /// Maximum sum of forces, in N, rounded down to a tenth.
-    pub max_force: f64,
-    /// Set if only half of the force is allowed, because a fact of a drive is stated only.
-    pub is_halved: bool,
+}
+
+impl ForceAboveCap {
+    /// Returns the summand that contributes most to the speed.
+    pub fn largest(&self) -> Summand {
+        let Self { cap, reaction_time, .. } = self;
+        let by_force = reaction_time.as_secs_f64() / cap.effective_mass;
+        let by_damper = cap.reversed(*reaction_time) / cap.dampers.total();
+        let forces = cap.forces.summands().map(|(summand, force)| (summand, force * by_force));
+        let dampers =
+            cap.dampers.summands().map(|(summand, damping)| (summand, damping * by_damper));
+        let summands = forces.into_iter().chain(dampers).filter(|(_, speed)| *speed > 0.0);
+        let largest = summands.max_by(|(_, a), (_, b)| a.total_cmp(b));
+        largest.map_or(Summand::Reflected, |(summand, _)| summand)
+    }
+
+    /// Returns the dampers in words, if they reverse the motion.
+    fn dampers(&self) -> String {
+        let dampers = &self.cap.dampers;
+        if self.cap.reversed(self.reaction_time) > 0.0 {
+            format!(" and dampers of {:.1} N·s/m ({})", dampers.total(), listed(dampers.summands()))
+        } else {
+            String::new()
+        }
+    }
+
+    /// Returns the allowed sum of forces, and that with dampers which do not reverse the motion.
+    fn remedy(&self) -> String {
+        let Self { cap, reaction_time, .. } = self;
+        let force = cap.max_force(*reaction_time);
+        if cap.reversed(*reaction_time) <= 0.0 {
+            return format!("at most {force:.1} N in all");
+        }
+        let undamped = ForceCap { dampers: Dampers::default(), ..*cap }.max_force(*reaction_time);
+        let damping = tenths(cap.effective_mass / reaction_time.as_secs_f64());
+        let with = format!("{undamped:.1} N in all with dampers of at most {damping:.1} N·s/m");
+        if force > 0.0 {
+            format!("at most {force:.1} N in all, or {with}")
+        } else {
+            format!("these dampers leave no force; at most {with}")
+        }
+    }
 }
 
 impl ForceCap {
@@ -120,7 +175,7 @@ impl ForceCap {
     /// # Errors
     /// When the hand would exceed [`MAX_RUNAWAY_SPEED`]. The error has the allowed sum of forces.
     pub fn check(&self, reaction_time: Duration) -> Result<(), ForceAboveCap> {
-        let Self { forces, damping, effective_mass: mass, .. } = *self;
+        let Self { forces, effective_mass: mass, .. } = *self;
         let seconds = reaction_time.as_secs_f64();
         let reversed = self.reversed(reaction_time);
         let speed = forces.total() * seconds / mass + reversed;
@@ -129,17 +184,13 @@ impl ForceCap {
         if mass > 0.0 && speed <= max_speed && speed <= MAX_RUNAWAY_SPEED {
             return Ok(());
         }
-        let max_force = self.max_force(reaction_time);
-        let damping = (reversed > 0.0).then_some(damping);
-        let is_halved = self.is_halved;
-        Err(ForceAboveCap { forces, damping, reaction_time, mass, speed, max_force, is_halved })
+        Err(ForceAboveCap { cap: *self, reaction_time, speed })
     }
 
     /// Returns the maximum sum of forces for this reaction time, in N, rounded down to a tenth.
     pub fn max_force(&self, reaction_time: Duration) -> f64 {
         let left = (MAX_RUNAWAY_SPEED - self.reversed(reaction_time)).max(0.0);
-        (self.share() * left * self.effective_mass / reaction_time.as_secs_f64() * 10.0).floor()
-            / 10.0
+        tenths(self.share() * left * self.effective_mass / reaction_time.as_secs_f64())
     }
 
     /// Returns the allowed share of the force, 0.5 or 1.
@@ -149,17 +200,26 @@ impl ForceCap {
 
     /// Returns the speed added by dampers that reverse the motion, in m/s.
     fn reversed(&self, reaction_time: Duration) -> f64 {
-        let turned = self.damping * reaction_time.as_secs_f64() / self.effective_mass;
+        let turned = self.dampers.total() * reaction_time.as_secs_f64() / self.effective_mass;
         self.max_speed * (turned - 1.0).max(0.0)
     }
 }
 
-fn dampers(damping: &Option<f64>) -> String {
-    damping.map(|damping| format!(" and dampers of {damping} N·s/m")).unwrap_or_default()
+/// Formats summands that are not zero, largest first: `max_force_n 40.0, soft_stops.push 15.1`.
+fn listed(mut summands: [(Summand, f64); 3]) -> String {
+    summands.sort_by(|(_, a), (_, b)| b.total_cmp(a));
+    let summands = summands.iter().filter(|(_, value)| *value > 0.0);
+    let summands: Vec<_> = summands.map(|(key, value)| format!("{key} {value:.1}")).collect();
+    summands.join(", ")
 }
 
-fn bound(is_halved: &bool) -> String {
-    if *is_halved {
+/// Rounds down to a tenth.
+fn tenths(value: f64) -> f64 {
+    (value * 10.0).floor() / 10.0
+}
+
+fn bound(is_halved: bool) -> String {
+    if is_halved {
         format!("half of {MAX_RUNAWAY_SPEED} m/s, as facts of a drive are stated only")
     } else {
         format!("{MAX_RUNAWAY_SPEED} m/s")
@@ -178,7 +238,13 @@ mod tests {
 
     fn cap(reflected: f64) -> ForceCap {
         let forces = Forces { reflected, centring: 0.0, soft_stops: 0.0 };
-        ForceCap { forces, damping: 0.0, max_speed: 1.0, effective_mass: 1.0, is_halved: false }
+        ForceCap {
+            forces,
+            dampers: Dampers::default(),
+            max_speed: 1.0,
+            effective_mass: 1.0,
+            is_halved: false,
+        }
     }
 
     #[test]
@@ -189,7 +255,7 @@ mod tests {
         let refused = cap(40.0).check(heartbeat).unwrap_err();
         assert_eq!(
             refused.to_string(),
-            "40.0 N (max_force_n = 40) for the 25.0 ms until a drive stops by itself would make 1 kg of hand \
+            "40.0 N (max_force_n 40.0) for the 25.0 ms until a drive stops by itself would make 1 kg of hand \
              and grip 1.00 m/s fast, more than 0.5 m/s: at most 20.0 N in all"
         );
     }
@@ -200,23 +266,39 @@ mod tests {
         let forces = Forces { reflected: 10.0, centring: 6.0, soft_stops: 5.0 };
         let refused = ForceCap { forces, ..cap(0.0) }.check(heartbeat).unwrap_err();
         assert!(refused.to_string().starts_with(
-            "21.0 N (max_force_n = 10, return to centre and walls 6.0, soft stops 5.0) for the 25.0 ms"
+            "21.0 N (max_force_n 10.0, centring_n and walls 6.0, soft_stops.push 5.0) for the 25.0 ms"
         ));
-        assert_eq!(refused.forces.largest(), ForceKind::Reflected);
+        assert_eq!(refused.largest(), Summand::Reflected);
+        let of = |forces| ForceCap { forces, ..cap(0.0) }.check(heartbeat).unwrap_err();
         let walls = Forces { centring: 30.0, ..forces };
-        assert_eq!(walls.largest(), ForceKind::Centring);
-        assert_eq!(Forces { soft_stops: 31.0, ..walls }.largest(), ForceKind::SoftStops);
+        assert_eq!(of(walls).largest(), Summand::Centring);
+        let stops = of(Forces { soft_stops: 31.0, ..walls });
+        assert_eq!(stops.largest(), Summand::SoftStops);
+        let order = "(soft_stops.push 31.0, centring_n and walls 30.0, max_force_n 10.0)";
+        assert!(stops.to_string().contains(order), "{stops}");
         let enough = Forces { reflected: 9.0, ..forces };
         assert_eq!(ForceCap { forces: enough, ..cap(0.0) }.check(heartbeat), Ok(()));
     }
 
     #[test]
     fn promise_03_damper_counts_once_it_reverses_the_motion() {
-        let with = |damping| ForceCap { damping, ..cap(10.0) }.check(Duration::from_millis(25));
+        let with = |passivity| {
+            let dampers = Dampers { constant: 8.0, passivity: passivity - 8.0, tank: 0.0 };
+            ForceCap { dampers, ..cap(10.0) }.check(Duration::from_millis(25))
+        };
         assert_eq!((with(40.0), with(44.0)), (Ok(()), Ok(())));
         let refused = with(60.0).unwrap_err();
         assert!((refused.speed - 0.75).abs() < 1e-9);
-        assert!(refused.to_string().contains("and dampers of 60 N·s/m for the 25.0 ms"));
+        assert_eq!(
+            refused.to_string(),
+            "10.0 N (max_force_n 10.0) and dampers of 60.0 N·s/m (passivity.max_damping_ns_per_m 52.0, damping_ns_per_m 8.0) \
+             for the 25.0 ms until a drive stops by itself would make 1 kg of hand and grip 0.75 m/s fast, more than \
+             0.5 m/s: these dampers leave no force; at most 20.0 N in all with dampers of at most 40.0 N·s/m"
+        );
+        assert_eq!(refused.largest(), Summand::PassivityDamper);
+        let refused = with(56.0).unwrap_err();
+        let remedy = " N in all, or 20.0 N in all with dampers of at most 40.0 N·s/m";
+        assert!(refused.to_string().ends_with(remedy), "{refused}");
     }
 
     #[test]
@@ -232,7 +314,8 @@ mod tests {
             "{refused}"
         );
         // Dampers that reverse the motion take their share first.
-        let damped = ForceCap { damping: 48.0, ..half(0.0) };
+        let dampers = Dampers { constant: 48.0, ..Dampers::default() };
+        let damped = ForceCap { dampers, ..half(0.0) };
         assert!(
             (damped.max_force(heartbeat) - 6.0).abs() < 0.11,
             "{}",
@@ -251,8 +334,9 @@ mod tests {
         fn named_maximum_force_is_allowed(force in 0.1..1e4_f64, micros in 1..1_000_000_u64) {
             let reaction_time = Duration::from_micros(micros);
             if let Err(refused) = cap(force).check(reaction_time) {
-                prop_assert!(refused.max_force < force);
-                prop_assert!(cap(refused.max_force).check(reaction_time).is_ok());
+                let max_force = refused.cap.max_force(reaction_time);
+                prop_assert!(max_force < force);
+                prop_assert!(cap(max_force).check(reaction_time).is_ok());
             }
         }
 
@@ -266,8 +350,7 @@ mod tests {
     #[test]
     fn nan_forces_are_refused() {
         assert!(cap(f64::NAN).check(Duration::from_millis(1)).is_err());
-        assert!(
-            ForceCap { damping: f64::INFINITY, ..cap(1.0) }.check(UNPROVEN_REACTION_TIME).is_err()
-        );
+        let dampers = Dampers { tank: f64::INFINITY, ..Dampers::default() };
+        assert!(ForceCap { dampers, ..cap(1.0) }.check(UNPROVEN_REACTION_TIME).is_err());
     }
 }

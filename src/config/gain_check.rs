@@ -12,6 +12,7 @@
 
 use nalgebra::{Matrix3, Point3};
 
+use crate::friction_share;
 use crate::operator::OperatorImpedance;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
@@ -90,7 +91,8 @@ pub(super) fn check(
         let refused: Vec<Finding> =
             found.filter(|finding| finding.verdict == Verdict::Refuses).collect();
         for worst in worst_of_each(&refused) {
-            problems.add(place(worst.culprit, is_rotation, raw), worst);
+            let remedy = remedy(worst.culprit, config);
+            problems.add(place(worst.culprit, is_rotation, raw), format_args!("{worst}{remedy}"));
         }
     }
     if refuses && problems.count() == 0 {
@@ -161,6 +163,21 @@ fn scaled(axis: &Axis, scale: &Scale) -> Axis {
         ..axis.gains
     };
     Axis { gains, ..*axis }
+}
+
+/// Returns the text that names the largest share of friction compensation that holds, for a share that does not.
+fn remedy(culprit: Culprit, config: &Parameters) -> String {
+    let is_refused = |finding: &Finding| {
+        finding.culprit == Culprit::Friction && finding.verdict == Verdict::Refuses
+    };
+    let holds = |config: &Parameters| {
+        axes(config)
+            .is_ok_and(|axes| !axes.iter().flat_map(Axis::findings).any(|it| is_refused(&it)))
+    };
+    let largest = (culprit == Culprit::Friction).then(|| friction_share::largest(config, holds));
+    let largest =
+        largest.flatten().map(|share| format!("; the largest share that holds is {share}"));
+    largest.unwrap_or_default()
 }
 
 /// Returns the most violated finding of each name.
@@ -376,6 +393,30 @@ mod tests {
     use super::*;
     use crate::Config;
     use crate::shipped::HAND_CONTROLLERS;
+
+    #[test]
+    fn refused_share_of_friction_names_the_largest_that_holds() {
+        let file = Path::new("config/kraft_like.toml");
+        let text = String::from_utf8(crate::files::read(file).unwrap()).unwrap();
+        let (before, rest) = text.split_once("[controller.friction]\n").unwrap();
+        let (_, after) = rest.split_once("\n[").unwrap();
+        // A weak hand leaves the negative stiffness to K_D.
+        let hand = "\n[operator]\ndamping_nms_per_rad = 0.002\n";
+        let with = |share: f64| {
+            let friction =
+                format!("[controller.friction]\nshare = {share}\npresliding_rad = 1e-4\n\n[");
+            let text = format!("{before}{friction}{after}{hand}");
+            Config::parse(file, &text).err().map(|it| it.to_string()).unwrap_or_default()
+        };
+        let is_refused = |share| with(share).contains("friction compensation, ");
+        let refused = with(0.65);
+        let (_, largest) = refused.split_once("; the largest share that holds is ").unwrap();
+        let largest: f64 = largest.lines().next().unwrap().parse().unwrap();
+        assert!(
+            is_refused(0.65) && is_refused(largest + 0.01) && !is_refused(largest),
+            "{refused}"
+        );
+    }
 
     #[test]
     fn smaller_scales_hold_where_the_greatest_do() {

@@ -37,8 +37,12 @@ pub(super) fn read(
     })
 }
 
-/// Reads motor, encoder and gear. Returns `None` after a problem.
-pub(super) fn actuator(joint: &raw::Joint, of: &mut Units<'_, '_>) -> Option<Actuator> {
+/// Reads motor, encoder with its `zero_counts`, and gear. Returns `None` after a problem.
+pub(super) fn actuator(
+    joint: &raw::Joint,
+    zero_counts: Option<i32>,
+    of: &mut Units<'_, '_>,
+) -> Option<Actuator> {
     let max_torque = of.either(&joint.max_torque_nm, &joint.max_force_n);
     let max_torque = max_torque.and_then(|value| of.problems.positive(value));
     let rated_torque = of.problems.within(&joint.rated_torque_nm, 1e-3..=4e6);
@@ -47,7 +51,7 @@ pub(super) fn actuator(joint: &raw::Joint, of: &mut Units<'_, '_>) -> Option<Act
     Some(Actuator {
         counts_per_rev: joint.encoder_counts_per_rev.get()?,
         gear_ratio: joint.gear_ratio.get()?,
-        zero_counts: joint.zero_counts.get()?,
+        zero_counts: zero_counts?,
         rated_torque: rated_torque?,
         max_torque: max_torque?,
         torque_curve,
@@ -121,7 +125,7 @@ fn friction(
         }
         Some(size)
     });
-    let viscous = viscous.and_then(|value| of.problems.not_negative(value));
+    let viscous = viscous.and_then(|value| of.problems.within(value, bodies::VISCOUS));
     Some(Friction { coulomb: coulomb?, viscous: viscous? })
 }
 
@@ -129,7 +133,7 @@ fn friction(
 fn link(joint: &raw::Joint, range: Option<[f64; 2]>, of: &mut Units<'_, '_>) -> Option<Link> {
     let rotor = of.either(&joint.rotor_inertia_kg_m2, &joint.rotor_mass_kg);
     let problems = &mut *of.problems;
-    let rotor_inertia = rotor.and_then(|value| problems.positive(value));
+    let rotor_inertia = rotor.and_then(|value| problems.within(value, bodies::ROTOR));
     let alpha = problems.finite(&joint.alpha_deg);
     let a = problems.within(&joint.a_m, -10.0..=10.0);
     let d = problems.within(&joint.d_m, -10.0..=10.0);

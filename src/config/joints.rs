@@ -11,7 +11,8 @@ use crate::rest::Rest;
 use crate::torque_limit::{self, TorqueLimit};
 use crate::units::Units;
 use crate::value::Value;
-use crate::{joint_plant, lookup, nameplate, names, plausibility, raw, rest};
+use crate::zero::{Zero, ZeroSource};
+use crate::{joint_plant, lookup, nameplate, names, plausibility, raw, rest, zero};
 use canopen::NodeId;
 use canopen::eds::Eds;
 use canopen::fact::Fact;
@@ -42,8 +43,12 @@ pub struct JointParameters {
     pub accepted: Vec<Fact>,
     /// EMCY error codes that are warnings while the error register is 0.
     pub emcy_warnings: Vec<u16>,
+    /// Where the zero of the joint comes from.
+    pub zero: Zero,
     /// Rest position, if configured.
     pub rest: Option<Rest>,
+    /// Position that verifies sign and scale once the rest position has set the zero, if configured.
+    pub second_rest: Option<Rest>,
     /// Torque limit of the drive in place of 6072h.
     pub torque_limit: Option<TorqueLimit>,
     /// Maximum speed before the torque is switched off, in rad/s or m/s.
@@ -101,11 +106,16 @@ fn read_one(
     let before = problems.count();
     let mut of = Units { kind, problems };
     let max_speed = max_speed(joint, &plausibility::default_speed(&raw.safety, kind), &mut of);
-    let actuator = joint_plant::actuator(joint, &mut of);
+    let drive = zero::Drive { eds: eds.as_deref(), limit: limit.as_ref(), boot: &boot };
+    let zero = zero::read(joint, drive, of.problems);
+    let counts = zero.and_then(|zero| zero::counts(joint, zero.source, of.problems));
+    let actuator = joint_plant::actuator(joint, counts, &mut of);
     let calibration =
         actuator.and_then(|actuator| calibration(joint, &actuator, before, of.problems));
     let range = joint_plant::range(joint, &mut of);
-    let rest = range.and_then(|range| rest::read(joint, range, &mut of));
+    let source = zero.map_or(ZeroSource::Absolute, |zero| zero.source);
+    let rest = range.and_then(|range| rest::read(joint, range, source, &mut of));
+    let second_rest = range.and_then(|range| rest::read_second(joint, range, source, &mut of));
     let plant = joint_plant::read(joint, range, rest, actuator, &mut of);
     Some(JointParameters {
         name: joint.name.as_ref()?.clone(),
@@ -121,7 +131,9 @@ fn read_one(
         nameplate: nameplate?,
         accepted,
         emcy_warnings: emcy_warnings(joint, problems),
+        zero: zero?,
         rest,
+        second_rest,
         torque_limit: limit,
         max_speed: max_speed?,
         calibration: calibration?,

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::time::Duration;
 
 use crate::buses::Layout;
-use crate::force_cap::ForceCap;
+use crate::force_cap::{Dampers, ForceCap};
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::{plans, raw};
@@ -111,7 +111,7 @@ fn figures(config: &Parameters, place: usize) -> Option<Figures> {
         hz: 1e6 / f64::from(period_us.max(1)),
         load_percent: load.percent(),
         max_force: cap.max_force(reaction_time),
-        undamped_force: ForceCap { damping: 0.0, ..cap }.max_force(reaction_time),
+        undamped_force: ForceCap { dampers: Dampers::default(), ..cap }.max_force(reaction_time),
     })
 }
 

@@ -2,6 +2,13 @@
 //!
 //! One run finds every problem of a file, with file, line and key. Other crates trust the values without further checks.
 //!
+//! | to read about | begin at |
+//! |---|---|
+//! | the keys and their types | `raw.rs`, `raw_robot.rs`, `raw_gripper.rs` |
+//! | a section: range and value of its keys | the file of its name: `control.rs`, `joints.rs`, `safety.rs`, … |
+//! | what is checked across sections | `check_sections` |
+//! | the errors, with file, line and key | `problem.rs` |
+//!
 //! ```
 //! use std::path::Path;
 //! use config::Config;
@@ -25,13 +32,15 @@ pub mod contact_postures;
 mod control;
 mod devices;
 mod drive_object;
+pub mod encoding;
 mod extensions;
 pub mod facts;
 mod far_side;
 mod figure;
-mod file_kind;
+pub mod file_kind;
 pub mod files;
 pub mod force_cap;
+mod friction_share;
 mod gain_check;
 mod gripper;
 mod held_torque;
@@ -77,6 +86,10 @@ mod units;
 pub mod value;
 mod value_limits;
 mod variants;
+pub mod zero;
+mod zero_check;
+mod zero_cost;
+pub mod zeroing;
 
 pub use boot::BootSettings;
 pub use buses::{BusSettings, Layout};
@@ -329,6 +342,7 @@ fn check_sections(
     stopping::check(config, raw, problems);
     facts::check_config(config, raw, problems);
     rest_check::check(config, raw, problems);
+    zero_check::check(config, raw, problems);
     protection::check(config, raw, problems);
     switch_box::check(config.switches.as_ref(), &config.controller.bounds, raw, problems);
     gain_check::check(config, refuses, raw, problems);

@@ -8,6 +8,8 @@ use crate::parameters::Parameters;
 use crate::shown_mode;
 use crate::switch_box::SwitchBox;
 use crate::torque_limit::TorqueLimit;
+use crate::zero::ZeroSource;
+use crate::zeroing::Zeroing;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
 use canopen::layout::{self, Direction, Group, Pdo};
@@ -16,7 +18,7 @@ use canopen::load::lacks;
 use canopen::nameplate::Nameplate;
 use canopen::nameplate::units::{SiUnit, Units};
 use canopen::object::Object;
-use canopen::plan::{HeartbeatSettings, NodePlan, ShownMode};
+use canopen::plan::{HeartbeatSettings, HomingPlan, NodePlan, ShownMode};
 use canopen::{NodeId, Value, emcy};
 use controller::JointVector;
 use units::numbering::Joint;
@@ -80,6 +82,7 @@ pub(super) fn drive(config: &Parameters, number: Joint, joint: &JointParameters)
     let plan = as_far_as_it_has(plan, joint);
     let plan = NodePlan {
         shown_mode: shown_mode(joint, most),
+        homing: homing(config, number, joint, most),
         emcy_warnings: joint.emcy_warnings.clone(),
         ..plan
     };
@@ -91,10 +94,30 @@ fn shown_mode(joint: &JointParameters, most: u16) -> ShownMode {
     if !joint.boot.shows_mode_when_enabled {
         return ShownMode::Always;
     }
+    ShownMode::WhenEnabled { reduced_limits: reduced_limits(joint, most) }
+}
+
+/// Returns the homing of a drive whose zero comes from it: at home 6064h reads the counts of the rest position.
+fn homing(
+    config: &Parameters,
+    number: Joint,
+    joint: &JointParameters,
+    most: u16,
+) -> Option<HomingPlan> {
+    let ZeroSource::Homing(homing) = joint.zero.source else { return None };
+    let has_offset = is_writable(&joint.eds, Object::HOME_OFFSET);
+    Some(HomingPlan {
+        method: homing.method,
+        offset: has_offset.then(|| Zeroing::new(config).rest_counts(number).0),
+        reduced_limits: reduced_limits(joint, most),
+    })
+}
+
+/// Returns the torque limits of a drive, at most 5 % of rated torque each; empty if no object limits it.
+fn reduced_limits(joint: &JointParameters, most: u16) -> Vec<(Object, Value)> {
     let usual = [(Object::MAX_TORQUE, Value::Unsigned16(most))];
     let limits = joint.torque_limit.as_ref().map_or(&usual[..], TorqueLimit::writes);
-    let reduced_limits = shown_mode::reduced(limits).unwrap_or_default();
-    ShownMode::WhenEnabled { reduced_limits }
+    shown_mode::reduced(limits).unwrap_or_default()
 }
 
 /// Maps the torque demand (6074h) to the first free TPDO that the EDS allows. A bus with grouped layout has no room for
@@ -117,7 +140,7 @@ fn nameplate(config: &Parameters, place: usize, joint: &JointParameters, most: u
     let writes_speed = is_writable(&joint.eds, Object::MAX_MOTOR_SPEED);
     let units = Units {
         velocity: writes_speed.then_some(SiUnit::RPM),
-        range: counts_of_range(config, place),
+        range: counts_of_range(config, place).map(|range| possible_counts(joint, range)),
     };
     Nameplate { capacity: Some(most), units, ..joint.nameplate.clone() }
 }
@@ -135,6 +158,19 @@ fn counts_of_range(config: &Parameters, place: usize) -> Option<[i32; 2]> {
     });
     let (low, high) = corners.clone().min().zip(corners.max())?;
     Some([low, high])
+}
+
+/// Returns the counts that a drive may read, whose joint has this range in counts from its zero. One that counts from power-up
+/// may do so at any posture.
+fn possible_counts(joint: &JointParameters, [low, high]: [i32; 2]) -> [i32; 2] {
+    let width = high.saturating_sub(low);
+    match joint.zero.source {
+        ZeroSource::Absolute | ZeroSource::Homing(_) => [low, high],
+        ZeroSource::Rest => [-width, width],
+        ZeroSource::SingleTurn { counts } => {
+            [-width, joint.calibration.whole_counts(counts).saturating_add(width)]
+        }
+    }
 }
 
 /// Returns the group of drives that share one RPDO of target torques; `None` if each drive has its own.

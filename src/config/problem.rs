@@ -6,7 +6,8 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::file_kind::FileKind;
+use crate::encoding;
+use crate::file_kind::{self, FileKind};
 use crate::files::Files;
 use crate::value::{HasPlace, Place, Value};
 use canopen::eds::{Eds, Finding};
@@ -64,12 +65,13 @@ impl std::error::Error for Invalid {}
 /// # Errors
 /// When the file cannot be read, or is not UTF-8.
 pub fn text(files: &Files, file: &Path) -> Result<String, Invalid> {
-    let alone = |reason: String| {
+    let alone = |line, reason: String| {
         let file = file.to_path_buf();
-        Invalid(vec![Problem { file, line: None, key: String::new(), reason }])
+        Invalid(vec![Problem { file, line, key: String::new(), reason }])
     };
-    let content = files.read(file).map_err(|error| alone(error.to_string()))?;
-    str::from_utf8(&content).map(str::to_owned).map_err(|error| alone(error.to_string()))
+    let content = files.read(file).map_err(|error| alone(None, error.to_string()))?;
+    let text = encoding::decode(&content);
+    text.map(str::to_owned).map_err(|wrong| alone(Some(wrong.line), wrong.to_string()))
 }
 
 /// Collects the problems of one file.
@@ -167,7 +169,15 @@ impl<'t> Problems<'t> {
         text: &'d str,
         kind: FileKind,
     ) -> Option<Spanned<DeTable<'d>>> {
-        let document = DeTable::parse(text).map_err(|error| self.add_error(&error)).ok()?;
+        let document = match DeTable::parse(text) {
+            Err(_) if file_kind::is_eds(text) => {
+                let (file, key) = (self.file.clone(), String::new());
+                let reason = "is an EDS or DCF; `frhc check --eds FILE` checks it".to_owned();
+                self.found.push(Problem { file, line: None, key, reason });
+                return None;
+            }
+            parsed => parsed.map_err(|error| self.add_error(&error)).ok()?,
+        };
         match FileKind::from_keys(document.get_ref()) {
             Some(other) if other != kind => {
                 let (file, key) = (self.file.clone(), String::new());

@@ -5,7 +5,7 @@
 use std::time::Duration;
 
 use crate::facts::Facts;
-use crate::force_cap::{ForceCap, ForceKind, Forces};
+use crate::force_cap::{Dampers, ForceCap, Forces, Summand};
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
@@ -46,7 +46,7 @@ impl Parameters {
         };
         ForceCap {
             forces,
-            damping: self.strongest_damping(),
+            dampers: self.dampers(),
             max_speed: self.plausibility.max_grip_speed,
             effective_mass: mass,
             is_halved: !self.facts().iter().all(Facts::is_verified),
@@ -66,28 +66,38 @@ impl Parameters {
         links.sum::<f64>() + self.x_6_g.translation.vector.norm()
     }
 
-    /// Returns the sum of all dampers of translations, in N·s/m.
-    fn strongest_damping(&self) -> f64 {
+    /// Returns the dampers of translations at their strongest.
+    fn dampers(&self) -> Dampers {
         let Settings { damping, extensions, .. } = &self.controller;
         let [x, y, z, ..] = *damping.values();
-        let passivity = extensions.passivity.map_or(0.0, |passivity| passivity.max_damping());
-        let tank = extensions.tank.map_or(0.0, |tank| tank.max_damping());
-        x.max(y).max(z) + passivity + tank
+        Dampers {
+            constant: x.max(y).max(z),
+            passivity: extensions.passivity.map_or(0.0, |passivity| passivity.max_damping()),
+            tank: extensions.tank.map_or(0.0, |tank| tank.max_damping()),
+        }
     }
 }
 
 /// Force of return to centre up to which the bound by joint capacities is not computed, in N.
 const WEAK: f64 = 5.0;
 
-/// Refuses forces above the maximum for the configured timers.
+/// Refuses forces above the maximum for the configured timers, at the key of the largest summand. A drive that nothing stops
+/// is a problem of its own, from which no force follows.
 pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
-    let cap = config.force_cap();
+    if config.stopping().iter().any(|stopping| stopping.watchdogs.is_empty()) {
+        return;
+    }
+    let Err(refused) = config.force_cap().check(config.planned_reaction_time()) else { return };
     let given = &raw.controller;
-    let place = match (cap.forces.largest(), &given.soft_stops) {
-        (ForceKind::Reflected, _) => given.max_force_n.place(),
-        (ForceKind::Centring, _) => given.centring_n.place(),
-        (ForceKind::SoftStops, Some(stops)) => stops.push.place(),
-        (ForceKind::SoftStops, None) => given.place(),
+    let place = match refused.largest() {
+        Summand::Reflected => Some(given.max_force_n.place()),
+        Summand::Centring => Some(given.centring_n.place()),
+        Summand::SoftStops => given.soft_stops.as_ref().map(|stops| stops.push.place()),
+        Summand::Damping => Some(given.damping_ns_per_m.place()),
+        Summand::PassivityDamper => {
+            given.passivity.as_ref().map(|passivity| passivity.max_damping_ns_per_m.place())
+        }
+        Summand::TankDamper => given.tank.as_ref().map(|tank| tank.max_damping_ns_per_m.place()),
     };
-    problems.take(place, cap.check(config.planned_reaction_time()));
+    problems.add(place.unwrap_or(given.place()), refused);
 }

@@ -110,7 +110,7 @@ pub(super) fn is_both(raw: &raw::Remote) -> bool {
 
 /// Returns whether the file describes a model: by `kind = "both"`, or by its limits. Arm and scene then belong to the
 /// model, so the same file remains valid with `kind = "link"`.
-fn has_model(raw: &raw::Remote) -> bool {
+pub(super) fn has_model(raw: &raw::Remote) -> bool {
     let limits = [&raw.link.model_limit_m, &raw.link.model_limit_deg];
     is_both(raw) || limits.into_iter().any(|limit| !limit.is_absent())
 }
@@ -132,8 +132,10 @@ fn refuse_far_keys(raw: &raw::Remote, problems: &mut Problems<'_>) {
     let of_model =
         [robot, wall, block, sphere, gripper, shared].into_iter().filter(|_| !has_model(raw));
     for place in of_sensor.into_iter().chain(of_model).flatten() {
-        let reason =
-            "with kind = \"link\" the far side has it, in its own configuration: remove it here";
+        let kind = raw.kind.as_ref().map_or("", String::as_str);
+        let reason = format_args!(
+            "with kind = \"{kind}\" the far side has it, in its own configuration: remove it here"
+        );
         problems.add(place, reason);
     }
 }

@@ -4,7 +4,7 @@ use crate::joints::JointParameters;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
-use crate::rest::{MIN_DISTANCE, key_of, tolerance};
+use crate::rest::{MIN_DISTANCE, key_of};
 use canopen::fact::Fact;
 use controller::JointVector;
 use controller::arm::JointKind;
@@ -28,7 +28,11 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
         note(*first, reason, config, raw, problems);
         return;
     }
-    for (joint, facts) in accepting {
+    // A zero that the rest posture sets takes any reading: its second posture verifies it (`zero_check`).
+    let absolute = accepting
+        .into_iter()
+        .filter(|(joint, _)| joint.entry(&config.joints).zero.source.is_absolute());
+    for (joint, facts) in absolute {
         if let Some((distance, min)) = near_zero(joint, config) {
             let reason = format!(
                 "must be at least {min} from the zero of its actuator, as the rest posture alone verifies {}; got {distance}",
@@ -59,12 +63,12 @@ fn near_zero(joint: Joint, config: &Parameters) -> Option<(String, String)> {
     let at_rest = rests.map(|rest| rest.map_or(0.0, |rest| rest.position()));
     let coupling = config.controller.calibration.coupling();
     let actuators: [f64; 6] = coupling.actuators(&JointVector::from(at_rest)).into();
-    let (distance, min) = (joint.entry(&actuators).abs(), MIN_DISTANCE * tolerance(rest.kind()));
+    let (distance, min) = (joint.entry(&actuators).abs(), MIN_DISTANCE * rest.tolerance());
     (distance < min).then(|| (rest.format(distance), rest.format(min)))
 }
 
 /// Adds a problem at the key of a joint's rest position.
-fn note(
+pub(super) fn note(
     joint: Joint,
     reason: String,
     config: &Parameters,
@@ -78,12 +82,12 @@ fn note(
     }
 }
 
-fn list(facts: &[Fact]) -> String {
+pub(super) fn list(facts: &[Fact]) -> String {
     facts.iter().map(Fact::to_string).collect::<Vec<_>>().join(" and ")
 }
 
 /// Returns sign and position scale of a joint, as far as they are accepted as stated only.
-fn accepted(joint: &JointParameters) -> Vec<Fact> {
+pub(super) fn accepted(joint: &JointParameters) -> Vec<Fact> {
     let facts = joint.accepted.iter().copied();
     facts.filter(|fact| matches!(fact, Fact::Sign | Fact::PositionScale)).collect()
 }

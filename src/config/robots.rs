@@ -2,6 +2,7 @@
 //!
 //! The crate `robot` commands the arm by its kinematics and limits. Only a simulation uses masses and friction.
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use ::robot::chain::{Chain, Joints, Link, MAX_JOINTS, MIN_JOINTS};
@@ -11,6 +12,7 @@ use ::robot::joint_limits::{JointLimit, JointLimits};
 use ::robot::resolved_rate::ResolvedRate;
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 
+use crate::bodies;
 use crate::file_kind::FileKind;
 use crate::files::Files;
 use crate::problem::{self, Invalid, Problems};
@@ -23,6 +25,12 @@ use toml_input::List;
 
 /// Default gain of null-space centring, in 1/s.
 const CENTRING: f64 = 0.5;
+
+/// Range of dry friction, in N·m.
+const COULOMB: RangeInclusive<f64> = 0.0..=1e4;
+
+/// Range of the maximum torque behind the gear, in N·m.
+const MAX_TORQUE: RangeInclusive<f64> = 1e-3..=1e6;
 
 /// Robot arm of a robot file.
 #[derive(Clone, Debug)]
@@ -193,10 +201,10 @@ fn joint(raw: &raw::RobotJoint, problems: &mut Problems<'_>) -> Option<RobotJoin
     let mass = problems.within(&raw.mass_kg, 0.0..=1_000.0);
     let centre_of_mass = problems.all_finite(&raw.centre_of_mass_m);
     let inertia = inertia(&raw.inertia_kg_m2, problems);
-    let rotor_inertia = problems.positive(&raw.rotor_inertia_kg_m2);
-    let max_torque = problems.positive(&raw.max_torque_nm);
-    let coulomb = problems.not_negative(&raw.coulomb_friction_nm.or(0.0));
-    let viscous = problems.not_negative(&raw.viscous_friction_nms_per_rad.or(0.0));
+    let rotor_inertia = problems.within(&raw.rotor_inertia_kg_m2, bodies::ROTOR);
+    let max_torque = problems.within(&raw.max_torque_nm, MAX_TORQUE);
+    let coulomb = problems.within(&raw.coulomb_friction_nm.or(0.0), COULOMB);
+    let viscous = problems.within(&raw.viscous_friction_nms_per_rad.or(0.0), bodies::VISCOUS);
     let (range, start) = range?;
     Some(RobotJoint {
         link: Link { alpha: alpha?.to_radians(), a: a?, d: d?, theta: theta?.to_radians() },

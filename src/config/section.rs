@@ -12,7 +12,7 @@ use toml::de::{DeTable, DeValue, ValueDeserializer};
 use crate::problem::Problems;
 use crate::value::{HasPlace, Place, Value};
 
-/// Former keys and their present names (CHANGELOG.md, "Renamed").
+/// Former keys and their present names.
 const RENAMED: [(&str, &str); 4] = [
     ("controller.engagement.calm_n", "wait_below_n"),
     ("controller.engagement.calm_nm", "wait_below_nm"),
@@ -388,12 +388,12 @@ mod tests {
         let (whole, problems) = read(text);
         let expected = "a.toml:1: bax: unknown key\n\
             a.toml:2: missing field `a`\n\
-            a.toml:3: node.b: invalid type: string \"x\", expected f64\n\
-            a.toml:5: joint[0].list: invalid type: string \"y\", expected f64\n\
+            a.toml:3: node.b: invalid type: string \"x\", expected a number\n\
+            a.toml:5: joint[0].list: invalid type: string \"y\", expected a number\n\
             a.toml:6: joint[0].name: invalid type: integer `3`, expected a string\n\
             a.toml:7: joint[0].nom: unknown key\n\
             a.toml:8: missing field `list`\n\
-            a.toml:10: box.a: invalid value: integer `256`, expected u8";
+            a.toml:10: box.a: invalid value: integer `256`, expected a whole number from 0 to 255";
         assert_eq!(problems, expected);
         assert_eq!((whole.node.a.get(), whole.node.b.get()), (None, None));
         assert!(!whole.node.b.is_absent() && whole.node.b.or(1.0).get().is_none());
@@ -403,15 +403,15 @@ mod tests {
     #[test]
     fn sections_that_are_no_tables_are_noted_once() {
         let (whole, problems) = read("node = 1\njoint = [[], {}]\nhand = \"h\"");
-        let expected = "a.toml:1: node: invalid type: integer `1`, expected struct Node\n\
-            a.toml:2: joint[0]: invalid type: sequence, expected struct Joint\n\
+        let expected = "a.toml:1: node: invalid type: integer `1`, expected a table\n\
+            a.toml:2: joint[0]: invalid type: sequence, expected a table\n\
             a.toml:2: missing field `list`\n\
-            a.toml:3: hand: invalid type: string \"h\", expected struct Hand";
+            a.toml:3: hand: invalid type: string \"h\", expected a table";
         assert_eq!(problems, expected);
         assert!(!whole.hand.stiffness.is_absent(), "its keys are not known to be absent");
         let (whole, problems) = read("joint = 7");
         let expected = "a.toml:1: missing field `node`\n\
-            a.toml:1: joint: invalid type: integer `7`, expected a sequence";
+            a.toml:1: joint: invalid type: integer `7`, expected a list";
         assert_eq!((problems.as_str(), whole.joint.is_noted()), (expected, true));
     }
 }

@@ -46,12 +46,7 @@ pub(super) fn read(raw: &raw::Boot, drive: Drive<'_>, problems: &mut Problems<'_
     if !is_when_enabled {
         return false;
     }
-    let is_limited = match drive.limit {
-        Some(TorqueLimit::Objects(limits)) => reduced(limits).is_some(),
-        Some(TorqueLimit::Stated(_)) => false,
-        None => drive.eds.is_none_or(|eds| eds.object(Object::MAX_TORQUE).is_some()),
-    };
-    if !is_limited {
+    if !has_reducible_limit(drive.limit, drive.eds) {
         let reason = "\"enabled\" needs a torque limit that the boot can reduce to 5 %: 6072h in the EDS, or an object of \
                       [joint.torque_limit]";
         problems.add(&raw.mode_shown, reason);
@@ -74,6 +69,15 @@ pub(super) fn read(raw: &raw::Boot, drive: Drive<'_>, problems: &mut Problems<'_
         }
     }
     true
+}
+
+/// Returns whether a torque limit of the drive can be reduced to 5 %; true if its data sheet could not be read.
+pub(super) fn has_reducible_limit(limit: Option<&TorqueLimit>, eds: Option<&Eds>) -> bool {
+    match limit {
+        Some(TorqueLimit::Objects(limits)) => reduced(limits).is_some(),
+        Some(TorqueLimit::Stated(_)) => false,
+        None => eds.is_none_or(|eds| eds.object(Object::MAX_TORQUE).is_some()),
+    }
 }
 
 /// Returns reduced values of torque limits: at most 5 % of rated torque, or of a manufacturer-specific limit. Returns

@@ -119,11 +119,13 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
             let has = |object| joint.eds.object(object).is_some();
             let can_be_guarded = has(Object::GUARD_TIME) && has(Object::LIFE_TIME_FACTOR);
             let remedy = if has(Object::rpdo_communication(1, 5)) {
-                "set safety.rpdo_timer_ms"
+                let [usual, least] =
+                    [4, 2].map(|cycles| (config.period * cycles).as_micros().div_ceil(1_000));
+                format!("set safety.rpdo_timer_ms to {usual}, four cycles; to {least} at least")
             } else if can_be_guarded {
-                "guard it by joint.boot.guard_time_ms and life_time_factor"
+                "guard it by joint.boot.guard_time_ms and life_time_factor".to_owned()
             } else {
-                "it would need 1016h (heartbeat consumer), 100Ch and 100Dh (node guarding) or 1400h:5 (RPDO timer)"
+                "it would need 1016h (heartbeat consumer), 100Ch and 100Dh (node guarding) or 1400h:5 (RPDO timer)".to_owned()
             };
             let reason = format!("nothing stops the drive without its master; {remedy}");
             problems.add_of(plan.name.clone(), &raw.eds, reason);
@@ -133,5 +135,41 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
     if config.safety.rpdo_timer_ms > 0 && !has_timer(Object::rpdo_communication(1, 5)) {
         let reason = "no drive has an RPDO timer (1400h:5) by its EDS; set it to 0";
         problems.add(&raw.safety.rpdo_timer_ms, reason);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::Config;
+    use crate::files::{self, Files};
+    use crate::trust::Trust;
+
+    #[test]
+    fn drive_that_nothing_stops_gets_one_refusal_with_a_value() {
+        let read = |name: &str| String::from_utf8(files::read(Path::new(name)).unwrap()).unwrap();
+        let (file, sheet) = ("config/kraft_like_500hz.toml", "eds/frhc_drive.eds");
+        let without = read(sheet).replace("[1016", "[2016").replace("=0x1016\n", "=0x2016\n");
+        for (timer, refusal) in [
+            ("8", None),
+            (
+                "0",
+                Some(
+                    "nothing stops the drive without its master; set safety.rpdo_timer_ms to 8, four cycles; to 4 at least",
+                ),
+            ),
+        ] {
+            let text =
+                read(file).replacen("rpdo_timer_ms = 8", &format!("rpdo_timer_ms = {timer}"), 1);
+            let files = Files::on_disk(Trust::Any)
+                .with(Path::new(file), text.into_bytes())
+                .with(Path::new(sheet), without.clone().into_bytes());
+            let refused = Config::load_from(&files, Path::new(file)).err().map(|it| it.to_string());
+            assert_eq!(refused.is_some(), refusal.is_some(), "{refused:?}");
+            if let (Some(refused), Some(refusal)) = (refused, refusal) {
+                assert!(refused.lines().count() == 1 && refused.ends_with(refusal), "{refused}");
+            }
+        }
     }
 }

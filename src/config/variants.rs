@@ -60,6 +60,15 @@ impl Config {
         self
     }
 
+    /// Starts the simulated arm at `q`, in rad or m.
+    #[must_use]
+    pub fn with_start(mut self, q: [f64; 6]) -> Self {
+        for (joint, start) in self.parameters.joints.iter_mut().zip(q) {
+            joint.plant.start = start;
+        }
+        self
+    }
+
     /// Replaces the torque curves of the controller and of the simulated motors.
     #[must_use]
     pub fn with_torque_curves(mut self, curves: [TorqueCurve; 6]) -> Self {

@@ -14,6 +14,8 @@
 //! number received from the other end: the *echo*. An end knows the send time of the echoed message, which bounds the age
 //! of the received message on its own clock.
 //!
+//! Begin with `node_end.rs` and `far_end.rs`; `link_end.rs` has what both check, `codec.rs` the bytes.
+//!
 //! ```
 //! use contract::{FarEnd, Measurements, Motion, NodeEnd, Order};
 //! use std::time::Duration;

@@ -105,6 +105,11 @@ impl JointCalibration {
         whole_i32(motion * self.counts_per_unit).unsigned_abs()
     }
 
+    /// Rounds a number of counts, at most ±2³¹.
+    pub fn whole_counts(&self, counts: f64) -> i32 {
+        whole_i32(counts)
+    }
+
     /// Converts a target to a torque in N·m or N.
     fn torque(&self, target: PerMille) -> f64 {
         self.curve.torque(f64::from(target.0) * self.direction())

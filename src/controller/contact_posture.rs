@@ -65,6 +65,22 @@ pub enum OutOfReach {
         /// Length of the path that is reachable, in m.
         reached: f64,
     },
+    /// Newton's method does not converge in the first step: the start is singular, or at the end of the arm's reach.
+    #[error(
+        "the arm starts in a singular posture, or at the end of its reach: smallest singular value {sigma_min:.3}"
+    )]
+    AtStart {
+        /// Smallest singular value of the Jacobian at the start, in the units of [`ContactPosture::sigma_min`].
+        sigma_min: f64,
+    },
+    /// Gain that is too small for any displacement of the grip to move the object to the pose.
+    #[error("controller.pose_gain along {axis} of the grip moves the object nowhere, got {gain}")]
+    NoGain {
+        /// Axis of {G0}.
+        axis: char,
+        /// Its gain.
+        gain: f64,
+    },
     /// Path on which a joint leaves its range.
     #[error("joint {joint} would leave its range")]
     JointRange {
@@ -106,13 +122,13 @@ impl ContactPosture {
             return Err(OutOfReach::NoPosture { reached: 0.0 });
         }
         let steps = (length / STEP).ceil().clamp(1.0, MAX_STEPS);
-        let (mut q, mut step) = (*q, 0.0);
+        let (start, mut q, mut step) = (q, *q, 0.0);
         while step < steps {
             let reached = length * step / steps;
             step += 1.0;
             let mut x_0_g = x_0_first;
             x_0_g.translation.vector += path * (step / steps);
-            q = solved(arm, &q, &x_0_g).ok_or(OutOfReach::NoPosture { reached })?;
+            q = solved(arm, &q, &x_0_g).ok_or_else(|| no_posture(arm, start, reached))?;
             if let Some(place) = arm.out_of_range(&q) {
                 return Err(OutOfReach::JointRange { joint: place + 1 });
             }
@@ -121,6 +137,15 @@ impl ContactPosture {
         let n_g = posture.x_0_g.rotation.inverse() * path.try_normalize(0.0).unwrap_or_default();
         Ok(Self::new(&q, &arm.jacobian(&posture), &n_g, coulomb))
     }
+}
+
+/// Returns the reason why a path from `start` ends after `reached` m.
+fn no_posture(arm: &Arm<6>, start: &JointVector, reached: f64) -> OutOfReach {
+    if reached > 0.0 {
+        return OutOfReach::NoPosture { reached };
+    }
+    let sigma_min = arm.jacobian(&arm.posture(start)).matrix().singular_values().min();
+    OutOfReach::AtStart { sigma_min }
 }
 
 /// Solves for joint positions near `q` with the grip at `x_0_g`, by Newton's method. `None` without convergence.
@@ -200,6 +225,19 @@ mod tests {
         assert!(matches!(after([0.4, 0.0, 0.0]), Err(OutOfReach::NoPosture { .. })));
         let nowhere = after([f64::NAN, 0.0, 0.0]);
         assert!(nowhere.is_err(), "{nowhere:?}");
+    }
+
+    #[test]
+    fn way_from_a_singular_start_says_so() {
+        let stretched = JointVector::from([0.0, -0.8, 0.0, 0.0, 0.5, 0.0]);
+        let way = Vector3::new(0.05, 0.0, 0.0);
+        let found = ContactPosture::after(&arm(), &stretched, &way, &JointVector::zeros());
+        let error = found.unwrap_err();
+        assert!(
+            matches!(error, OutOfReach::AtStart { sigma_min } if sigma_min < 1e-3),
+            "{error:?}"
+        );
+        assert!(error.to_string().contains("starts in a singular posture"), "{error}");
     }
 
     #[test]

@@ -72,12 +72,14 @@ pub trait InputSink {
     /// Records an input.
     fn on_input(&self, input: Input);
 
-    /// Records an answer as the input that `input` makes of it, and returns the answer.
+    /// Records an answer, if any are recorded, as the input that `input` makes of it, and returns the answer.
     fn record<T: Clone>(&self, answer: T, input: impl FnOnce(T) -> Input) -> T
     where
         Self: Sized,
     {
-        self.on_input(input(answer.clone()));
+        if self.is_recording() {
+            self.on_input(input(answer.clone()));
+        }
         answer
     }
 }

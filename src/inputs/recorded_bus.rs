@@ -58,8 +58,8 @@ impl<B: Bus, S: InputSink> Bus for RecordedBus<B, S> {
         outcome
     }
 
-    fn wait(&mut self, now: Instant, until: Instant) -> Wake {
-        self.sink.record(self.bus.wait(now, until), Input::Woken)
+    fn wait(&mut self, now: Instant, from: Instant, until: Instant) -> Wake {
+        self.sink.record(self.bus.wait(now, from, until), Input::Woken)
     }
 
     fn reopen(&mut self) -> Result<(), ReopenError> {

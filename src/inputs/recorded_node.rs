@@ -72,7 +72,7 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
 
     /// As [`Node::cycle`].
     pub fn cycle(&mut self) -> Record {
-        self.sink.on_input(Input::Call(Call::Cycle));
+        self.called(Call::Cycle);
         let record = self.node.cycle();
         self.returned();
         record
@@ -93,7 +93,7 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
         answer: &mut dyn FnMut() -> bool,
         of_node: impl FnOnce(&mut Inner<B, R, S>, &mut dyn FnMut() -> bool) -> T,
     ) -> T {
-        self.sink.on_input(Input::Call(call));
+        self.called(call);
         let sink = self.sink.clone();
         let result = of_node(&mut self.node, &mut || {
             let answer = answer();
@@ -104,10 +104,19 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
         result
     }
 
+    /// Records that a call has begun.
+    fn called(&self, call: Call) {
+        if self.sink.is_recording() {
+            self.sink.on_input(Input::Call(call));
+        }
+    }
+
     /// Records that a call has returned, with the checksum of its frames.
     fn returned(&mut self) {
-        let sent = self.node.bus_mut().take_sent();
-        self.sink.on_input(Input::Returned(sent.value()));
+        if self.sink.is_recording() {
+            let sent = self.node.bus_mut().take_sent();
+            self.sink.on_input(Input::Returned(sent.value()));
+        }
     }
 
     /// As [`Node::next_event`].
@@ -123,6 +132,11 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
     /// As [`Node::cause`].
     pub const fn cause(&self) -> Option<Cause> {
         self.node.cause()
+    }
+
+    /// As [`Node::with_names`].
+    pub fn with_names(&self, error: &impl ToString) -> String {
+        self.node.with_names(error)
     }
 
     /// As [`Node::in_words`].
@@ -143,6 +157,11 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
     /// As [`Node::facts`].
     pub fn facts(&self) -> &[Facts] {
         self.node.facts()
+    }
+
+    /// As [`Node::unverified_posture`].
+    pub fn unverified_posture(&self) -> Vec<String> {
+        self.node.unverified_posture()
     }
 
     /// Returns the bus. Its answers to callers other than the node are not recorded.

@@ -31,6 +31,7 @@ tags! {
     CYCLE = 0x09;
     STOP = 0x0A;
     ADJUST = 0x0B;
+    ZERO = 0x0C;
     RETURNED = 0x10;
     INTERMEDIATES = 0x11;
     NOW_AGAIN = 0x20;

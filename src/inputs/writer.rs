@@ -12,6 +12,7 @@ use controller::switches::CommandMode;
 use node::Request;
 use node::cause::ResetReason;
 use remote::{RemoteSample, SideError};
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// Writer of a file of inputs.
@@ -178,6 +179,7 @@ impl<W: Write> InputWriter<W> {
             Call::Request(Request::Command(CommandMode::Rate)) => table::COMMAND_RATE,
             Call::Request(Request::Command(CommandMode::Pose)) => table::COMMAND_POSE,
             Call::Request(Request::Adjust(_)) => table::ADJUST,
+            Call::Request(Request::Zero(_)) => table::ZERO,
             Call::Cycle => table::CYCLE,
             Call::Stop => table::STOP,
         });
@@ -187,6 +189,7 @@ impl<W: Write> InputWriter<W> {
                 ResetReason::NoLatch => 1,
             }),
             Call::Request(Request::Adjust(adjustment)) => self.text(&adjustment.to_string()),
+            Call::Request(Request::Zero(joint)) => self.tag(joint.map_or(0, Joint::number)),
             Call::New | Call::BringUp | Call::Request(_) | Call::Cycle | Call::Stop => {}
         }
     }

@@ -12,6 +12,7 @@ use thiserror::Error;
 use crate::Node;
 use crate::boot_failures;
 use crate::cause::Cause;
+use crate::homing::HomingError;
 use crate::mode_check::WrongMode;
 use crate::proof_test::ProofTestFailure;
 use crate::record::Mode;
@@ -50,6 +51,9 @@ pub enum BringUpError {
     /// A drive does not display its mode when enabled.
     #[error(transparent)]
     Mode(#[from] WrongMode),
+    /// A drive was not homed, or moved.
+    #[error(transparent)]
+    Homing(#[from] HomingError),
     /// Drives failed the proof test: one line each.
     #[error("{}", boot_failures::grouped(.0.iter().map(|it| (it.name.as_str(), it.node, it.reason.to_string()))))]
     ProofTest(Vec<ProofTestFailure>),
@@ -81,9 +85,13 @@ impl<B: Bus, R: Remote> Node<B, R> {
         &mut self,
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<(), BringUpError> {
+        // A drive may have lost its power while the node did not receive its frames.
+        let is_watching = !self.network.is_silent() && !self.wire.transmission.is_shut();
+        self.zeros.on_boot(is_watching);
         self.reopen()?;
         self.network.restart(self.wire.read_clock());
         self.samples.restart();
+        self.timing.sample_times.restart();
         self.plausibility.restart();
         self.proof_test.restart();
         self.drives.rpdos.restart();
@@ -105,6 +113,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         while let Some(ReceivedEvent { channel, event, .. }) = self.wire.receive(until) {
             match event {
                 BusEvent::Frame(frame) => {
+                    self.zeros.on_boot_frame(&Telegram { channel, frame });
                     // A boot would reset the nodes of a running master.
                     if self.network.master.is_of_other_master(&Telegram { channel, frame }) {
                         return Err(BringUpError::Bus(Cause::ForeignMaster));
@@ -130,7 +139,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// Enables the drives at zero torque and runs the proof test, until the mode is `Ready`.
-    fn become_ready(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
+    pub(super) fn become_ready(
+        &mut self,
+        give_up: &mut dyn FnMut() -> bool,
+    ) -> Result<(), BringUpError> {
         self.check_modes(give_up)?;
         self.enable(give_up)?;
         self.run_proof_test(give_up)?;
@@ -204,6 +216,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             match received.event {
                 BusEvent::Frame(frame) => {
                     let telegram = Telegram { channel, frame };
+                    self.zeros.on_boot_frame(&telegram);
                     self.samples.on_frame(received.at, &telegram);
                     let event =
                         self.network.master.on_frame(received.at, &telegram, &mut self.wire.out);
@@ -231,6 +244,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         failed: &mut Vec<BootError>,
     ) -> Result<(), BringUpError> {
         let Some(event) = event else { return Ok(()) };
+        self.watch_zero_event(&event);
         let is_foreign = matches!(event, Event::ForeignMaster { .. });
         if let Event::BootFailed(error) = event {
             failed.push(error);

@@ -9,12 +9,14 @@ use derive_more::Display;
 
 use crate::joint_reading::JointReading;
 use crate::reaction::{FaultTableRow, Initiator, Reaction, always, armed};
+use canopen::drive::{State, Statusword};
 use canopen::object::Object;
 use canopen::{NmtState, error_codes, nmt};
 use contract::Reason;
 use controller::InvalidValue;
 use remote::model::Difference;
 use units::numbering::{Joint, NodeIndex};
+use units::wording::listed;
 
 /// Generates [`Cause`] and [`CauseKind`] from the table. The first field of a cause is its place: joint, node or bus. A row
 /// has a second cause if one fault can occur in two places.
@@ -80,7 +82,7 @@ macro_rules! causes {
         impl Cause {
             /// Returns its text, with the name of its joint from `names`, base first: `joint 3 (elbow): ...`.
             pub fn with_name(&self, names: &[impl AsRef<str>]) -> String {
-                with_name(self.to_string(), names)
+                with_name(&self.to_string(), names)
             }
         }
 
@@ -107,13 +109,28 @@ macro_rules! causes {
     };
 }
 
-/// Adds the name of the joint with which the text of a cause begins, from `names`, base first.
-pub fn with_name(text: String, names: &[impl AsRef<str>]) -> String {
-    let named = Joint::ALL.into_iter().zip(names).find_map(|(joint, name)| {
-        let rest = text.strip_prefix(&format!("joint {joint}:"))?;
-        Some(format!("joint {joint} ({}):{rest}", name.as_ref()))
-    });
-    named.unwrap_or(text)
+/// Adds the names of the joints with which the text of a cause begins, and each part of it behind a semicolon; `names` are
+/// base first.
+pub fn with_name(text: &str, names: &[impl AsRef<str>]) -> String {
+    let parts = text.split("; ").map(|part| part_with_names(part, names));
+    parts.collect::<Vec<_>>().join("; ")
+}
+
+/// Returns `joint 3 (elbow): …` of `joint 3: …`, and the same of several; any other text as it is.
+fn part_with_names(part: &str, names: &[impl AsRef<str>]) -> String {
+    let named = || {
+        let (noun, rest) =
+            part.split_once(' ').filter(|(noun, _)| matches!(*noun, "joint" | "joints"))?;
+        let (numbers, reason) = rest.split_once(':')?;
+        let numbers = numbers.split(", ").flat_map(|some| some.split(" and "));
+        let joint = |number: &str| {
+            let joint = number.parse::<u8>().ok().and_then(Joint::new)?;
+            Some(format!("{joint} ({})", names.get(joint.index())?.as_ref()))
+        };
+        let joints = numbers.map(joint).collect::<Option<Vec<_>>>()?;
+        Some(format!("{noun} {}:{reason}", listed(&joints)))
+    };
+    named().unwrap_or_else(|| part.to_owned())
 }
 
 /// The joint that the first field of a cause names, if any.
@@ -306,15 +323,23 @@ causes! {
         reaction always(DrivesOff, Timers, true, &[31]);
     EnableTimeout { joint: Joint, statusword: u16 }
         description "drive does not reach operation enabled in time",
-        message ("joint {joint}: not enabled in time (6041h = {statusword:04X}h)"),
+        message ("joint {joint}: not enabled in time (6041h = {statusword:04X}h){}", start_up_remedy(statusword)),
         reaction always(ZeroTorque, Node, true, &[16]);
     NotOff { joint: Joint, statusword: u16 }
         description "drive still on although disable voltage was sent to it by RPDO and by SDO",
         message ("joint {joint}: drive still on after disable voltage (6041h = {statusword:04X}h)"),
         reaction always(DrivesOff, Node, true, &[46]);
+    ZeroUnknown { joint: Joint }
+        description "zero of a joint lost while torque acts",
+        message ("joint {joint}: zero lost: the drive no longer knows its position; see frhc ctl status"),
+        reaction armed(ZeroTorque, &[51]);
+    HomingFailed { joint: Joint }
+        description "homing of a drive failed: its mode and torque limit are not the planned ones",
+        message ("joint {joint}: homing failed: its mode and torque limit are not the planned ones"),
+        reaction always(DrivesOff, Node, true, &[51]);
     AwaitsReset { reason: ResetReason }
         description "last run without an orderly end, or this run without a latch",
-        message ("{reason}: waiting for a reset"),
+        message ("{reason}; no drive is enabled before a reset"),
         reaction always(DrivesOff, Node, true, &[27]);
 }
 
@@ -372,6 +397,15 @@ impl fmt::Display for NodeName {
     }
 }
 
+/// Returns the remedy for a drive that was not enabled because it still starts up.
+fn start_up_remedy(statusword: u16) -> &'static str {
+    if Statusword(statusword).state() == Some(State::NotReadyToSwitchOn) {
+        ": it is still \"not ready to switch on\"; if it starts up for longer, raise boot_ms in its [joint.boot]"
+    } else {
+        ""
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -386,6 +420,17 @@ mod tests {
                 Some(joint),
                 "joint 3: drive left operation enabled (6041h = 0218h)",
             ),
+            (
+                Cause::EnableTimeout { joint, statusword: 0x0600 },
+                Some(joint),
+                "joint 3: not enabled in time (6041h = 0600h): it is still \"not ready to switch on\"; if it starts up \
+                 for longer, raise boot_ms in its [joint.boot]",
+            ),
+            (
+                Cause::EnableTimeout { joint, statusword: 0x0650 },
+                Some(joint),
+                "joint 3: not enabled in time (6041h = 0650h)",
+            ),
             (Cause::Rebooted { node }, Some(joint), "joint 3: rebooted"),
             (Cause::Rebooted { node: switches }, None, "switch box: rebooted"),
             (
@@ -396,6 +441,23 @@ mod tests {
             (Cause::Late, None, "too many late cycles"),
         ] {
             assert_eq!((cause.joint(), cause.to_string().as_str()), (at, text));
+        }
+    }
+
+    #[test]
+    fn texts_get_the_names_of_their_joints_once() {
+        let names = ["azimuth", "elevation", "elbow", "pitch", "yaw", "roll"];
+        for (text, expected) in [
+            ("joint 3: rebooted", "joint 3 (elbow): rebooted"),
+            ("joint 3 (elbow): rebooted", "joint 3 (elbow): rebooted"),
+            (
+                "joints 1, 2 and 6: drive did not confirm; joint 4: left; all drives end",
+                "joints 1 (azimuth), 2 (elevation) and 6 (roll): drive did not confirm; joint 4 (pitch): left; all drives end",
+            ),
+            ("joint 7: no such", "joint 7: no such"),
+            ("switch box: rebooted", "switch box: rebooted"),
+        ] {
+            assert_eq!(with_name(text, &names), expected);
         }
     }
 

@@ -4,13 +4,12 @@ use crate::newest_remote_sample::NewestRemoteSample;
 use crate::operator::OperatorMonitors;
 use crate::permit::Permit;
 use crate::record::RefusedPress;
-use crate::samples::Samples;
 use config::Config;
 use controller::adjustment::{AdjustmentError, AdjustmentState};
 use controller::switches::CommandMode;
-use controller::{Controller, DriveTargets, Input, JointVector, Output};
+use controller::{Controller, DriveTargets, Input, Output};
 use units::adjustment::Adjustment;
-use units::drive::PerMille;
+use units::drive::{Counts, PerMille};
 
 /// Controller, its command mode, and the targets that it takes for held.
 #[derive(Clone, Debug)]
@@ -31,18 +30,18 @@ impl Control {
         }
     }
 
-    /// Returns the input of a step: the drives' positions, the commanded side, the operator's switches and the permit.
-    /// `restart` after a gap.
+    /// Returns the input of a step: counts of the joints from their zeros, the commanded side, the operator's switches and the
+    /// permit. `restart` after a gap.
     pub(super) fn input(
         &self,
-        samples: &Samples,
+        counts: [Counts; 6],
         newest: &NewestRemoteSample,
         operator: &OperatorMonitors,
         permit: &Permit,
         restart: bool,
     ) -> Input {
         Input {
-            counts: samples.latest().map(|sample| sample.position),
+            counts,
             f_s: newest.f_s(),
             x_b_m: newest.x_b_m(),
             switches: operator.switches(permit.engaged),
@@ -52,11 +51,6 @@ impl Control {
             held: Some(self.held),
             restart,
         }
-    }
-
-    /// Returns the joint positions of the newest samples, in rad or m.
-    pub(super) fn positions(&self, samples: &Samples) -> JointVector {
-        self.controller.positions(&samples.latest().map(|sample| sample.position))
     }
 
     /// Keeps the targets that the drives hold from this cycle on.

@@ -15,6 +15,7 @@
 use crate::Node;
 use crate::cause::Cause;
 use crate::permit::Permit;
+use crate::plausibility::Weight;
 use crate::power::may_apply_torque;
 use crate::push::Push;
 use crate::record::{Mode, Record, RefusedPress, SdoCounters};
@@ -89,6 +90,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let far_side = self.remote_side.cause(self.safety.mode());
         let gripper =
             self.operator.watch_gripper(now, self.samples.inputs(now), self.samples.analogue(now));
+        self.watch_zeros(now);
         self.raise(now, [missing, deadman, link, far_side, gripper]);
     }
 
@@ -114,11 +116,18 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let controller = output.invalid_value.as_ref().and_then(causes::of_controller);
         let fresh = self.samples.fresh();
         let operator = self.operator.check(now, permit, output, input.restart, &fresh);
-        let gravity_is_on = permit.gravity_ramps_up || permit.gravity_share >= 1.0;
-        let samples = self.plausibility.check(&self.samples.sampled(), output, gravity_is_on);
+        let weight = match permit.gravity_share {
+            1.0.. => Weight::Carried,
+            _ if permit.gravity_ramps_up => Weight::TakenOver,
+            _ => Weight::NotCarried,
+        };
+        let known = self.zeros.known();
+        let samples = self.plausibility.check(&self.samples.sampled(), output, weight, &known);
         self.keep_off_unfollowing(samples);
         let beyond = self.operator.check_limit(permit, samples);
-        self.raise(now, [controller, operator, beyond, samples]);
+        self.zeros.verify(now, &output.q);
+        let unknown = self.unknown_zero();
+        self.raise(now, [controller, operator, beyond, samples, unknown]);
     }
 
     /// Keeps off a drive that does not take its targets, or whose torque does not follow the zero torque of a stop. This
@@ -145,10 +154,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
         pressed.filter_map(|button| self.control.press(button).err()).last()
     }
 
-    /// Returns the input of the controller, which restarts after a gap.
-    fn input(&self, permit: &Permit, skipped: u64) -> Input {
-        let restart = self.timing.follows_gap(skipped);
-        self.control.input(&self.samples, &self.remote_side.newest, &self.operator, permit, restart)
+    /// Returns the input of the controller, which restarts after a gap, and when a zero was set.
+    fn input(&mut self, permit: &Permit, skipped: u64) -> Input {
+        let counts = self.zeros.counts(self.samples.latest());
+        let restart = self.timing.follows_gap(skipped) || self.zeros.take_shifted();
+        self.control.input(counts, &self.remote_side.newest, &self.operator, permit, restart)
     }
 
     /// Returns the push of each drive, if the target torques are zero. Before the end of the proof test it is excluded.
@@ -198,6 +208,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             targets: targets.map(|PerMille(target)| target),
             not_off: self.power_off.not_off(),
             pushes: self.pushes(),
+            counts: self.samples.latest().map(|sample| sample.position),
+            zeros: *self.zeros.states(),
             sdo: SdoCounters {
                 foreign_uploads: self.network.master.foreign_uploads(),
                 unread_settings: self.proof_test.unread(),

@@ -5,6 +5,7 @@ use std::time::Duration;
 use crate::cause::Cause;
 use crate::cycle_times::Readings;
 use crate::lateness::{self, Lateness};
+use crate::sample_times::SampleTimes;
 use crate::schedule::Schedule;
 use config::Config;
 use units::time::Instant;
@@ -17,6 +18,7 @@ pub(super) struct CycleTiming {
     window: Duration,
     /// Maximum time from a TPDO to the next one.
     next_answer: Duration,
+    pub(super) sample_times: SampleTimes,
     /// Maximum number of frames to read after the end of a wait.
     pub(super) max_late_frames: u64,
     pub(super) schedule: Schedule,
@@ -36,6 +38,7 @@ impl CycleTiming {
             period: config.period,
             window: config.window(),
             next_answer: config.longest_frame(),
+            sample_times: SampleTimes::new(config.joints.each_ref().map(|joint| joint.channel)),
             max_late_frames: config.most_frames(lateness::MAX_SKIPPED_CYCLES + 1),
             schedule: Schedule::starting(now, config.period),
             lateness: Lateness::new(config.period, suspended),
@@ -67,6 +70,11 @@ impl CycleTiming {
         let first = sync_at + self.window;
         let until = answered.map_or(first, |at| first.max(at + self.next_answer));
         until.min(sync_at + self.period)
+    }
+
+    /// Returns the time until which the samples of the SYNC sent at `sync_at` are not read, at most the end of its window.
+    pub(super) fn read_from(&self, sync_at: Instant) -> Instant {
+        self.sample_times.read_from(sync_at).min(self.window_end(sync_at, None))
     }
 
     /// Returns whether the slot of a SYNC is over.

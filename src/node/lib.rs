@@ -2,6 +2,18 @@
 //!
 //! Call [`Node::bring_up`], then [`Node::cycle`] once per period, then [`Node::shut_down`]. Only the [`Bus`] waits.
 //!
+//! | to read about | begin at |
+//! |---|---|
+//! | one cycle | `cycle.rs`, in the order of docs/loop.md |
+//! | frames and events that are received, emergencies among them | `receive.rs`: `on_frame`, `on_event` |
+//! | causes of a stop, and what each leads to | `cause.rs`, `safety/table.rs` |
+//! | the mode | `safety/mod.rs`: `advance`, `raise` |
+//! | the boot and its checks, the proof test | `bring_up.rs`, `proof_test/mod.rs` |
+//! | the orderly stop, power off | `shut_down.rs`, `power_off` |
+//! | what a cycle leaves behind | `record.rs` |
+//!
+//! Each field of [`Node`] is a part in a file of its own; what needs several parts is a method of `Node`.
+//!
 //! ```
 //! use node::cause::Cause;
 //! use node::reaction::Reaction;
@@ -23,6 +35,7 @@ pub mod cycle_times;
 mod cycle_timing;
 mod drives;
 mod guard_requests;
+pub mod homing;
 pub mod joint_reading;
 mod lateness;
 mod mode_check;
@@ -42,6 +55,7 @@ mod remote_side;
 mod request;
 mod rest;
 pub mod safety;
+mod sample_times;
 mod samples;
 mod schedule;
 mod sdo_pacer;
@@ -55,6 +69,7 @@ mod targets;
 mod transmission;
 mod unpowered;
 mod wire;
+pub mod zero;
 
 pub use bring_up::BringUpError;
 pub use mode_check::WrongMode;
@@ -67,6 +82,7 @@ use crate::cause::Cause;
 use crate::control::Control;
 use crate::cycle_timing::CycleTiming;
 use crate::drives::Drives;
+use crate::homing::HomingProgress;
 use crate::mode_check::ModeCheck;
 use crate::network::Network;
 use crate::operator::OperatorMonitors;
@@ -76,9 +92,10 @@ use crate::proof_test::{ProofTest, ProofTestReport};
 use crate::record::Mode;
 use crate::remote_side::RemoteSide;
 use crate::rest::RestPosture;
-use crate::safety::{Safety, SafetyTimes};
+use crate::safety::{EnableTimes, Safety, SafetyTimes};
 use crate::samples::Samples;
 use crate::wire::Wire;
+use crate::zero::Zeros;
 use bus::Bus;
 use canopen::exchange::Exchange;
 use canopen::master::event::Event;
@@ -99,6 +116,8 @@ pub struct Node<B, R> {
     drives: Drives,
     power_off: PowerOff,
     rest: RestPosture,
+    zeros: Zeros,
+    homing: HomingProgress,
     /// Names of the joints, base first.
     joint_names: [String; 6],
     remote_side: RemoteSide<R>,
@@ -113,7 +132,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub fn new(config: &Config, bus: B, remote: R) -> Self {
         let now = bus.now();
         let times = SafetyTimes {
-            enable: config.safety.enable_timeout,
+            enable: EnableTimes {
+                enable: config.safety.enable_timeout,
+                initialise: config.joints.each_ref().map(|joint| joint.boot.timeouts.boot),
+            },
             gravity: config.safety.gravity_ramp,
             reflection: config.safety.reflection_ramp,
         };
@@ -139,6 +161,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 config.safety.missing_samples,
             ),
             rest: RestPosture::new(config),
+            zeros: Zeros::new(config),
+            homing: HomingProgress::default(),
             joint_names: config.joints.each_ref().map(|joint| joint.name.clone()),
             drives: Drives::new(config, rpdos),
             remote_side: RemoteSide::new(config, now, remote),
@@ -162,7 +186,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Returns the text of a cause, with the name of its joint.
     pub fn in_words(&self, cause: Cause) -> String {
-        cause.with_name(&self.joint_names)
+        self.with_names(&cause)
+    }
+
+    /// Returns the text of an error of this node with the names of its joints.
+    pub fn with_names(&self, error: &impl ToString) -> String {
+        cause::with_name(&error.to_string(), &self.joint_names)
     }
 
     /// Returns the results of the proof test; empty before a test, or if none is configured.

@@ -129,6 +129,21 @@ impl ModeCheck {
         false
     }
 
+    /// Sets the only drive that may be enabled; `None` for none.
+    pub(super) fn enable_only(&mut self, joint: Option<Joint>) {
+        self.enabling = joint.map_or(Enabling::None, Enabling::Only);
+    }
+
+    /// Lets all drives be enabled.
+    pub(super) const fn enable_all(&mut self) {
+        self.enabling = Enabling::All;
+    }
+
+    /// Takes the refusals of stages that ran with no drive enabled.
+    pub(super) fn take_refused(&mut self) -> Vec<BootError> {
+        std::mem::take(&mut self.refused)
+    }
+
     /// Joints whose drives are checked.
     fn joints(&self) -> Vec<Joint> {
         Joint::each(&self.drives)

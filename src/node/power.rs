@@ -36,6 +36,8 @@ pub(super) struct PowerStages {
     kept_off: [bool; 6],
     /// Drives whose newest controlword disables voltage.
     must_be_off: [bool; 6],
+    /// Drive whose homing is started once it is enabled.
+    homing: Option<Joint>,
 }
 
 impl PowerStages {
@@ -48,6 +50,11 @@ impl PowerStages {
     /// Keeps the drive of this joint off until [`allow_enabling`](Self::allow_enabling).
     pub(super) const fn keep_off(&mut self, joint: Joint) {
         *joint.entry_mut(&mut self.kept_off) = true;
+    }
+
+    /// Starts the homing of a drive that is enabled in homing mode, or ends it.
+    pub(super) const fn set_homing(&mut self, joint: Option<Joint>) {
+        self.homing = joint;
     }
 
     /// Returns the drives whose newest controlword disables voltage.
@@ -86,7 +93,13 @@ impl PowerStages {
         if state == Some(State::Fault) && is_enabling && std::mem::take(may_reset) {
             stage.reset_fault();
         }
-        stage.controlword(state, goal)
+        let word = stage.controlword(state, goal);
+        let is_homed = self.homing == Some(joint) && state == Some(State::OperationEnabled);
+        if is_homed && word == Controlword::ENABLE_OPERATION {
+            Controlword::START_HOMING
+        } else {
+            word
+        }
     }
 }
 

@@ -49,19 +49,24 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    /// Receives the drives' TPDOs of the SYNC sent at `sync_at`, until all have arrived or the window ends. Each TPDO
-    /// extends the window for the next one, because a SYNC that waited for the bus delays them all.
+    /// Receives the drives' TPDOs of the SYNC sent at `sync_at`, until all have arrived or the window ends. Sleeps until
+    /// all but the last can be there. Each TPDO extends the window for the next one, because a SYNC that waited for the bus
+    /// delays them all.
     pub(super) fn gather(&mut self, sync_at: Instant) {
         let mut answered = None;
+        let from = self.timing.read_from(sync_at);
         while !self.samples.is_complete() {
             let until = self.timing.window_end(sync_at, answered);
-            let Some(received) = self.wire.receive(until) else { break };
+            let Some(received) = self.wire.receive_from(from, until) else { break };
             let (at, before) = (received.at, self.samples.fresh());
             self.watch_stall(sync_at);
             self.on_received(received);
             if self.samples.fresh() != before {
                 answered = answered.max(Some(at));
             }
+        }
+        if self.samples.is_complete() {
+            self.timing.sample_times.observe(sync_at, &self.samples.received_at());
         }
     }
 
@@ -114,6 +119,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         {
             return self.on_target_read(joint, read, event);
         }
+        self.watch_zero_event(&event);
         if self.mode_check.on_event(&event) {
             return None;
         }

@@ -10,11 +10,13 @@ use nalgebra::Isometry3;
 use crate::cause::Cause;
 use crate::cycle_times::CycleTimes;
 use crate::push::Push;
+use crate::zero::ZeroState;
 use controller::Output;
 use controller::adjustment::AdjustmentError;
 use remote::model::Difference;
 use remote::{Gripper, RobotJoints};
 use units::adjustment::Adjustment;
+use units::drive::Counts;
 use units::spatial::Wrench;
 use units::time::Instant;
 
@@ -141,6 +143,10 @@ pub struct Record {
     pub not_off: [bool; 6],
     /// Drives that may push at zero target torque. Not to be used in a mode that allows torque.
     pub pushes: [Push; 6],
+    /// Newest actual position (6064h) of each drive, as received.
+    pub counts: [Counts; 6],
+    /// State of each joint's zero. Positions of a joint with an unknown zero are without meaning.
+    pub zeros: [ZeroState; 6],
     /// Counters of SDO transfers.
     pub sdo: SdoCounters,
 }

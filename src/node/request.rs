@@ -5,6 +5,7 @@ use thiserror::Error;
 use crate::record::Mode;
 use crate::rest::NotAtRest;
 use crate::safety::Refusal;
+use crate::zero::{UnknownZeros, ZeroError};
 use crate::{BringUpError, Node};
 use bus::Bus;
 use config::facts::FactsError;
@@ -14,6 +15,7 @@ use controller::switches::CommandMode;
 use remote::Remote;
 use remote::stated::Misfit;
 use units::adjustment::Adjustment;
+use units::numbering::Joint;
 use units::time::Instant;
 use units::wording::in_one_line;
 
@@ -26,10 +28,22 @@ pub enum Request {
     Disarm,
     /// End a latched stop. If a node may have lost its configuration, the network boots again.
     Reset,
+    /// Set the zero of a joint and of all tied to it, or of all joints, by the rest posture in which the arm lies.
+    Zero(Option<Joint>),
     /// Command rates or poses. The reference is set again, so the command does not jump.
     Command(CommandMode),
     /// Change a scale, lock an axis, or align the object.
     Adjust(Adjustment),
+}
+
+impl Request {
+    /// Returns whether it may boot the network or home drives, which takes seconds.
+    pub const fn may_boot(self) -> bool {
+        match self {
+            Self::Reset | Self::Zero(_) => true,
+            Self::Arm | Self::Disarm | Self::Command(_) | Self::Adjust(_) => false,
+        }
+    }
 }
 
 /// Reason why a request was not executed.
@@ -41,6 +55,9 @@ pub enum RequestError {
     /// The arm must not be armed: every reason.
     #[error("{}", in_one_line(.0))]
     Unfit(Vec<Unfit>),
+    /// Zeros cannot be set now.
+    #[error(transparent)]
+    Zero(#[from] ZeroError),
     /// The adjustment is out of bounds, or not possible now.
     #[error(transparent)]
     Adjustment(#[from] AdjustmentError),
@@ -61,6 +78,9 @@ pub enum Unfit {
     /// The arm is not in its rest posture.
     #[error(transparent)]
     NotAtRest(#[from] NotAtRest),
+    /// The zero of a joint is unknown.
+    #[error(transparent)]
+    UnknownZeros(#[from] UnknownZeros),
     /// The commanded side does not fit the configuration.
     #[error(transparent)]
     FarSide(#[from] Misfit),
@@ -71,8 +91,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     ///
     /// # Errors
     /// When the mode does not allow the request, or the boot of a reset fails or is given up. Arming also fails if a fact
-    /// of a drive is stated only, the force exceeds its cap, the arm is not at rest, or the commanded side does not fit; a
-    /// change of the command mode while armed, if the commanded side does not follow it.
+    /// of a drive is stated only, the force exceeds its cap, a zero is unknown, the arm is not at rest, or the commanded side
+    /// does not fit; a zero is not set unless the arm is at rest in its posture; a change of the command mode while armed, if the commanded side does not follow it.
     pub fn request(
         &mut self,
         request: Request,
@@ -86,11 +106,13 @@ impl<B: Bus, R: Remote> Node<B, R> {
                     self.check_fitness(now)?;
                 }
                 self.safety.arm(now, self.operator.enable_state())?;
+                self.take_zeros(&self.zeros.set_by_arming(self.samples.latest()));
                 self.rest.on_armed();
                 self.remote_side.remote.begin_epoch();
             }
             Request::Disarm => self.safety.disarm(),
             Request::Reset => self.reset(now, give_up)?,
+            Request::Zero(joint) => self.set_zero(now, joint, give_up)?,
             Request::Command(mode) => self.set_command_mode(mode)?,
             Request::Adjust(adjustment) => self.control.adjust(adjustment)?,
         }
@@ -111,12 +133,30 @@ impl<B: Bus, R: Remote> Node<B, R> {
     fn check_fitness(&mut self, now: Instant) -> Result<(), RequestError> {
         let facts = self.proof_test.check_facts().err().into_iter().flatten().map(Unfit::from);
         let force = self.proof_test.check_force().err().map(Unfit::from);
-        let q = self.control.positions(&self.samples);
         // Before the boot there is no sample of any joint.
-        let rest = self.rest.check(&self.joint_names, &q).err();
-        let rest = rest.filter(|_| self.mode() != Mode::Boot).map(Unfit::from);
-        let all: Vec<_> = facts.chain(force).chain(rest).collect();
+        let posture = (self.mode() != Mode::Boot).then(|| self.check_posture());
+        let all: Vec<_> = facts.chain(force).chain(posture.into_iter().flatten()).collect();
         refuse(all.into_iter().chain(self.misfits(now)).collect())
+    }
+
+    /// Returns name and position of each joint that the next arming does not verify, as the first one since a boot without a
+    /// rest position.
+    pub fn unverified_posture(&self) -> Vec<String> {
+        let q = self.zeros.positions_with(&[false; 6], self.samples.latest());
+        self.rest.unverified(&self.joint_names, &q)
+    }
+
+    /// Returns unknown zeros, and joints with a known one that are not at rest although they must be.
+    fn check_posture(&self) -> impl Iterator<Item = Unfit> + use<B, R> {
+        let (names, samples) = (&self.joint_names, self.samples.latest());
+        let set_by_arming = self.zeros.set_by_arming(samples);
+        let unknown = self.zeros.unknown(names, samples, &set_by_arming).err().map(Unfit::from);
+        let q = self.zeros.positions_with(&set_by_arming, samples);
+        let known = self.zeros.known();
+        let has_position =
+            Joint::ALL.map(|joint| *joint.entry(&known) || *joint.entry(&set_by_arming));
+        let rest = self.rest.check(names, &q, &has_position).err().map(Unfit::from);
+        unknown.into_iter().chain(rest)
     }
 
     /// Returns each reason against arming with this commanded side.

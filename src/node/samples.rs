@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::cause::Cause;
+use crate::cause::{Cause, CauseKind};
 use crate::plausibility::{FilterResult, SampleFilter, SampleSet};
 use canopen::drive::Statusword;
 use canopen::exchange::{TpdoMap, TpdoSample};
@@ -48,6 +48,10 @@ pub(super) struct Samples {
     missing: [u32; 6],
     /// Cause of the first position that the filters rejected as a fault.
     implausible: Option<Cause>,
+    /// Joints whose position has jumped in this window.
+    jumped: [bool; 6],
+    /// Joints whose drives take their position for home: their positions may step.
+    homing: [bool; 6],
     inputs: Option<(Instant, SwitchInputs)>,
     /// Newest analogue input, which is in the same TPDO as those inputs.
     analogue: Option<i16>,
@@ -79,6 +83,8 @@ impl Samples {
             demands: [None; 6],
             missing: [0; 6],
             implausible: None,
+            jumped: [false; 6],
+            homing: [false; 6],
             inputs: None,
             analogue: None,
             malformed: 0,
@@ -91,6 +97,7 @@ impl Samples {
         self.sync_at = now;
         self.filters.iter_mut().for_each(|filter| filter.start_window(now));
         self.received_at = [None; 6];
+        self.jumped = [false; 6];
     }
 
     /// Takes a frame; returns false if it is not a TPDO of the exchange. One of the wrong length is dropped.
@@ -135,13 +142,19 @@ impl Samples {
             *joint.entry_mut(&mut self.status_known) = true;
         }
         if let Some(position) = tpdo.position {
+            if *joint.entry(&self.homing) {
+                joint.entry_mut(&mut self.filters).accept_step();
+            }
             match joint.entry_mut(&mut self.filters).on_position(position) {
                 FilterResult::Sample => {
                     sample.position = position;
                     *joint.entry_mut(&mut self.received_at) = Some(at);
                 }
                 FilterResult::Ignored => {}
-                FilterResult::Fault(cause) => self.implausible = self.implausible.or(Some(cause)),
+                FilterResult::Fault(cause) => {
+                    self.implausible = self.implausible.or(Some(cause));
+                    *joint.entry_mut(&mut self.jumped) |= cause.kind() == CauseKind::PositionJumped;
+                }
             }
         }
     }
@@ -209,6 +222,16 @@ impl Samples {
         stale.next()
     }
 
+    /// Accepts steps of a position, because its drive takes it for home, until [`end_homing`](Self::end_homing).
+    pub(super) const fn start_homing(&mut self, joint: Joint) {
+        *joint.entry_mut(&mut self.homing) = true;
+    }
+
+    /// Accepts no more steps of positions.
+    pub(super) const fn end_homing(&mut self) {
+        self.homing = [false; 6];
+    }
+
     /// Clears the counts of missing samples, before drives that had left operational are started again.
     pub(super) fn clear_missing(&mut self) {
         self.missing = [0; 6];
@@ -226,6 +249,16 @@ impl Samples {
         self.status_known = [false; 6];
         self.latest.iter_mut().for_each(|sample| sample.statusword = Statusword::default());
         self.inputs = None;
+    }
+
+    /// Returns the joints whose position has jumped in this window.
+    pub(super) const fn jumped(&self) -> [bool; 6] {
+        self.jumped
+    }
+
+    /// Returns the joints without a sample for as many cycles as are a fault.
+    pub(super) fn silent(&self) -> [bool; 6] {
+        self.missing.map(|missing| missing >= self.max_missed)
     }
 
     /// Returns the newest sample of each joint.

@@ -1,7 +1,7 @@
 //! Limits the rate of SDO requests while the node runs to that assumed in the bus load.
 //!
 //! On a nearly full bus one request per cycle would delay each SYNC a bit more, and shorten the period that follows.
-//! The limit does not apply in a boot: torque is zero, and SYNC jitter has no effect.
+//! The limit does not apply in a boot, a homing apart: torque is zero, and SYNC jitter has no effect.
 
 use std::time::Duration;
 

@@ -70,7 +70,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub(super) fn send_request(&mut self, sync_at: Instant) {
         let now = self.wire.now();
         if self.confirm_power_off(sync_at)
-            || self.mode() != Mode::Boot && !self.network.sdo_pacer.may_send(now)
+            || self.is_paced() && !self.network.sdo_pacer.may_send(now)
         {
             return;
         }
@@ -78,6 +78,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
             self.network.sdo_pacer.on_sent(now);
             self.send(telegram);
         }
+    }
+
+    /// Returns whether SDO requests keep the rate assumed in the bus load: not in a boot, but in a homing, where samples are
+    /// watched while each drive gets many.
+    fn is_paced(&self) -> bool {
+        self.mode() != Mode::Boot || self.homing.is_running()
     }
 
     pub(super) fn send_on_every_bus(&mut self, frame: Frame) {

@@ -44,7 +44,8 @@ impl Bus for SilentBus {
         Ok(())
     }
 
-    fn wait(&mut self, _: Instant, until: Instant) -> Wake {
+    fn wait(&mut self, _: Instant, from: Instant, until: Instant) -> Wake {
+        self.now = self.now.max(from);
         let received = self.next(until);
         Wake { now: self.now, received }
     }

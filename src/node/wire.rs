@@ -78,7 +78,12 @@ impl<B: Bus> Wire<B> {
 
     /// Waits until `until` for a frame or an error of a bus.
     pub(super) fn receive(&mut self, until: Instant) -> Option<ReceivedEvent> {
-        let wake = self.bus.wait(self.now, until);
+        self.receive_from(self.now, until)
+    }
+
+    /// Waits as [`receive`](Self::receive), and sleeps until `from` whatever comes.
+    pub(super) fn receive_from(&mut self, from: Instant, until: Instant) -> Option<ReceivedEvent> {
+        let wake = self.bus.wait(self.now, from, until);
         self.now = wake.now;
         wake.received
     }

@@ -3,6 +3,7 @@
 pub mod contact;
 mod eds;
 mod far_side;
+mod zero;
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +14,7 @@ use crate::{gains, print, stopping};
 use config::robots::RobotArm;
 use config::{BusSettings, Config, JointParameters};
 use controller::arm::JointKind;
-use controller::stability::finding::Verdict;
+use controller::stability::finding::{Finding, Verdict};
 use units::math;
 
 /// `frhc check`.
@@ -99,17 +100,27 @@ pub(super) fn refuse_simulated_link(config: &Config, command: &str) -> Result<()
 /// Refuses a commanded side in another process, for a `command` that simulates it.
 ///
 /// # Errors
-/// When `remote.kind` is `link` (exit 3).
+/// When `remote.kind` is `link` or `both` (exit 3).
 pub fn refuse_far_side(config: &Config, command: &str) -> Result<(), Failure> {
     if config.far_side.agreement.is_none() {
         return Ok(());
     }
+    let kind = if config.far_side.model_limit.is_some() { "both" } else { "link" };
     let reason = format!(
-        "{}: remote.kind: \"link\" is a robot in another process, for frhc run; {command} simulates the commanded side: \
-         set \"virtual\"",
+        "{}: remote.kind: \"{kind}\" is a robot in another process, for frhc run and frhc robot; {command} simulates the \
+         commanded side: set \"virtual\"",
         config.file.display()
     );
     Err(Failure::new(Kind::Configuration, reason))
+}
+
+/// Checks that `config` has a switch box, without which the node cannot be armed.
+///
+/// # Errors
+/// Returns an error if the switch box is not configured (exit 3).
+pub fn require_switch_box(config: &Config) -> Result<(), Failure> {
+    let Err(reason) = config.switch_box() else { return Ok(()) };
+    Err(Failure::new(Kind::Configuration, format!("{}: {reason}", config.file.display())))
 }
 
 /// Loads and validates the configuration, and prints bus load, joints and findings.
@@ -143,6 +154,7 @@ fn report(config: &Config) -> serde_json::Value {
         "eds": eds::faulty_json(config),
         "eds_warnings": eds::lines(config),
         "stopping": stopping::json(config),
+        "zeros": zero::json(config),
         "facts": stopping::facts_json(&config.facts()),
         "cautions": stopping::cautions_json(config),
         "switches": config.switches.is_some(),
@@ -154,10 +166,8 @@ fn report(config: &Config) -> serde_json::Value {
 /// Returns bus load, findings, timers and joints as lines.
 fn lines(file: &Path, config: &Config) -> Vec<String> {
     let findings = config.findings();
-    let is_unstable = findings.iter().any(|finding| finding.verdict == Verdict::Refuses);
-    let but = if is_unstable { ", but unstable (gain_check = \"warn\")" } else { "" };
     let mut lines = vec![
-        format!("{}: valid{but}", file.display()),
+        format!("{}: valid{}", file.display(), outlook(config, &findings)),
         format!("SYNC every {} µs", config.period.as_micros()),
     ];
     lines.extend(config.buses.iter().zip(config.loads()).map(|(bus, load)| {
@@ -168,6 +178,7 @@ fn lines(file: &Path, config: &Config) -> Vec<String> {
     lines.extend(config.robot.iter().map(robot));
     lines.extend(far_side::lines(config));
     lines.extend(config.joints.iter().map(joint));
+    lines.extend(zero::lines(config));
     lines.extend(stopping::lines(config));
     lines.extend(eds::lines(config));
     lines.extend(config.switch_box().err().map(|reason| format!("switches warning   {reason}")));
@@ -178,6 +189,22 @@ fn lines(file: &Path, config: &Config) -> Vec<String> {
             .map(|(verdict, line)| format!("gains {:10} {line}", verdict.to_string())),
     );
     lines
+}
+
+/// Says whether one may go on with this configuration.
+fn outlook(config: &Config, findings: &[Finding]) -> &'static str {
+    let has = |verdict| findings.iter().any(|finding| finding.verdict == verdict);
+    if has(Verdict::Refuses) {
+        ", but unstable (gain_check = \"warn\"): not with a hand at the grip"
+    } else if contact::is_missed(config) {
+        ", but the hand does not reach the wall"
+    } else if config.switch_box().is_err() {
+        "; it may boot, but nothing is armed without a switch box"
+    } else if has(Verdict::Warns) {
+        "; you may go on: what warns below is accepted by design"
+    } else {
+        "; you may go on"
+    }
 }
 
 /// Describes a joint's drive.

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::console::default_socket;
 use crate::exit::{Failure, Kind, OrFail};
+use crate::socket_name::socket_name;
 use anyhow::Context;
 use config::{Agreement, Config};
 use remote::link::{self, LinkSettings, LinkSide, LinkThread};
@@ -49,7 +50,15 @@ pub(crate) fn open(
     };
     let path = socket_of(config);
     let (side, thread, file) = listen(config, agreement, path.clone())
-        .with_context(|| format!("link socket {}", path.display()))
+        .with_context(|| {
+            socket_name(
+                "link",
+                &path,
+                "remote.link.socket",
+                config.far_side.socket.as_deref(),
+                config,
+            )
+        })
         .or_fail(Kind::Bus)?;
     tracing::info!("far side of arm {} expected at {}", config.far_side.arm, path.display());
     Ok((CommandedSide::Link(Box::new(side)), Some((thread, file))))

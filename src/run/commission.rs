@@ -82,6 +82,7 @@ fn failure(error: BringUpError) -> Failure {
         BringUpError::Boot(_)
         | BringUpError::NotEnabled(_)
         | BringUpError::Mode(_)
+        | BringUpError::Homing(_)
         | BringUpError::ProofTest(_)
         | BringUpError::GivenUp
         | BringUpError::LeftOn(_) => Kind::Drive,

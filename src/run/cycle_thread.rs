@@ -135,8 +135,10 @@ pub fn run_node<B: Bus, R: Remote, S: InputSink + Clone>(
     let stopped_by = node.cause().map(|cause| node.in_words(cause));
     let stop = |reason| Failure::new(Kind::Stopped, reason);
     let off = node.shut_down(&mut || is_urgent());
+    let off = off.map_err(|error| node.with_names(&error));
     match (stopped_by, off) {
-        (None, confirmed) => RunEnd::new(confirmed.is_ok(), confirmed.or_fail(Kind::Drive)),
+        (None, Ok(())) => RunEnd::new(true, Ok(())),
+        (None, Err(error)) => RunEnd::new(false, Err(Failure::new(Kind::Drive, error))),
         (Some(cause), Ok(())) => RunEnd::new(false, Err(stop(format!("stopped by {cause}")))),
         (Some(cause), Err(error)) => {
             RunEnd::new(false, Err(stop(format!("stopped by {cause}; {error}"))))
@@ -155,14 +157,16 @@ fn boot_failure<B: Bus, R: Remote, S: InputSink + Clone>(
             RunEnd::new(true, Err(error).or_fail(Kind::Bus))
         }
         BringUpError::Boot(_) => RunEnd::new(true, Err(error).or_fail(Kind::Drive)),
-        BringUpError::Mode(_) | BringUpError::ProofTest(_) => {
+        BringUpError::Mode(_) | BringUpError::Homing(_) | BringUpError::ProofTest(_) => {
             RunEnd::new(node.is_off(), Err(error).or_fail(Kind::Drive))
         }
-        BringUpError::LeftOn(_) => RunEnd::new(false, Err(error).or_fail(Kind::Drive)),
+        BringUpError::LeftOn(_) => {
+            RunEnd::new(false, Err(Failure::new(Kind::Drive, node.with_names(&error))))
+        }
         BringUpError::NotEnabled(_) => {
             // Records the trip.
             run_cycle(node);
-            RunEnd::new(false, Err(error).or_fail(Kind::Drive))
+            RunEnd::new(false, Err(Failure::new(Kind::Drive, node.with_names(&error))))
         }
     }
 }
@@ -193,6 +197,8 @@ pub fn execute_requests<B: Bus, R: Remote, S: InputSink + Clone>(
     {
         return accepted.refuse_without_latch(reason);
     }
+    let is_arming = request == Request::Arm;
+    let unverified = if is_arming { node.unverified_posture() } else { Vec::new() };
     let outcome = node.request(request, &mut || {
         has_booted = true;
         requests.begin_boot();
@@ -210,10 +216,21 @@ pub fn execute_requests<B: Bus, R: Remote, S: InputSink + Clone>(
             Err(_) => {}
         }
     }
-    if request == Request::Arm && outcome.is_ok() {
+    if is_arming && outcome.is_ok() {
         stopping::facts(node.facts()).iter().for_each(|line| tracing::info!("{line}"));
+        log_unverified(&unverified);
     }
     accepted.answer(outcome);
+}
+
+/// Logs the posture that nothing verified at the first arming after a boot.
+fn log_unverified(posture: &[String]) {
+    if !posture.is_empty() {
+        let posture = posture.join(", ");
+        tracing::info!(
+            "posture not verified, as without rest_deg (rest_m): {posture}: compare it with the arm"
+        );
+    }
 }
 
 /// Queues events on the network for the recorder thread.

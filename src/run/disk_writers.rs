@@ -28,7 +28,7 @@ use telemetry::summary::Summary;
 use units::time::Instant;
 
 /// Capacity of a writer's queue in batches: 5 s at one batch per poll of the recorder thread.
-const QUEUE_CAPACITY: usize = 1_000;
+const QUEUE_CAPACITY: usize = 500;
 
 /// Writer threads of a run.
 #[derive(Debug)]

@@ -18,6 +18,7 @@ use std::time::Duration;
 use crate::console::default_socket;
 use crate::threads;
 use canopen::frame::Telegram;
+use config::Config;
 use node::record::Record;
 use telemetry::feed::{Feed, FeedLine, Scarce};
 use units::time::Instant;
@@ -42,6 +43,11 @@ pub fn beside(socket: Option<&Path>) -> PathBuf {
         Some(socket) => socket.with_file_name("view").join(NAME),
         None => of_default(&default_socket()),
     }
+}
+
+/// Returns the path of a configuration: the configured one, else that for its control socket.
+pub(crate) fn of_config(config: &Config) -> PathBuf {
+    config.telemetry_socket.clone().unwrap_or_else(|| beside(config.socket.as_deref()))
 }
 
 /// Returns the default paths of a viewer: for the user's own node, then for the service.

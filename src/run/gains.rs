@@ -11,13 +11,12 @@ const MAX_LINE: usize = 120;
 /// Characters in front of a line of the log: its level and "gains: ".
 const PREFIX: usize = 13;
 
-/// Logs one short warning for all inequalities that warn, and one for all that refuse. `-v` logs each inequality.
-pub fn warn(config: &Config) {
+/// Logs one short warning for all inequalities that refuse. `-v` logs each that does not hold; those that warn are accepted by
+/// design.
+pub fn log(config: &Config) {
     let findings = config.findings();
-    for verdict in [Verdict::Refuses, Verdict::Warns] {
-        if let Some(line) = summary(&findings, verdict) {
-            tracing::warn!("gains: {line}");
-        }
+    if let Some(line) = summary(&findings) {
+        tracing::warn!("gains: {line}");
     }
     for (verdict, line) in lines(&findings) {
         if verdict != Verdict::Holds {
@@ -26,17 +25,18 @@ pub fn warn(config: &Config) {
     }
 }
 
-/// Returns the names of the inequalities with this verdict, each with its number of axes, as far as they fit one line.
-fn summary(findings: &[Finding], verdict: Verdict) -> Option<String> {
+/// Returns the names of the inequalities that refuse, each with its number of axes, as far as they fit one line.
+fn summary(findings: &[Finding]) -> Option<String> {
     const ROOM: usize = MAX_LINE - PREFIX;
     let groups = groups(findings);
-    let alike = groups.iter().filter(|group| group.iter().all(|one| one.verdict == verdict));
+    let alike =
+        groups.iter().filter(|group| group.iter().all(|one| one.verdict == Verdict::Refuses));
     let names: Vec<String> = alike.filter_map(|group| counted(group)).collect();
     let line = |shown: usize| {
         let listed = names.get(..shown).unwrap_or_default().join("; ");
         let more = names.len().saturating_sub(shown);
         let more = if more == 0 { String::new() } else { format!("; {more} more") };
-        format!("frhc check {verdict}: {listed}{more}")
+        format!("frhc check refuses: {listed}{more}")
     };
     let fits = |shown: &usize| line(*shown).chars().count() <= ROOM;
     (1..=names.len()).rev().find(fits).map(line)
@@ -118,13 +118,13 @@ mod tests {
     #[test]
     fn warning_at_start_counts_axes_in_one_line() {
         let findings = [
-            finding("x", 3.0, Verdict::Warns),
-            finding("y", 3.0, Verdict::Warns),
+            finding("x", 3.0, Verdict::Refuses),
+            finding("y", 3.0, Verdict::Refuses),
             finding("z", 1.0, Verdict::Holds),
         ];
-        let line = summary(&findings, Verdict::Warns);
-        assert_eq!(line.as_deref(), Some("frhc check warns: damping (2 axes)"));
-        assert_eq!(summary(&findings, Verdict::Refuses), None);
+        let line = summary(&findings);
+        assert_eq!(line.as_deref(), Some("frhc check refuses: damping (2 axes)"));
+        assert_eq!(summary(&findings[2..]), None);
     }
 
     #[test]
@@ -136,8 +136,8 @@ mod tests {
             "rate reflection, held",
             "accommodation, servo",
         ];
-        let findings = names.map(|name| Finding { name, ..finding("x", 3.0, Verdict::Warns) });
-        let line = summary(&findings, Verdict::Warns).unwrap();
+        let findings = names.map(|name| Finding { name, ..finding("x", 3.0, Verdict::Refuses) });
+        let line = summary(&findings).unwrap();
         assert!(line.ends_with("; 3 more"), "{line}");
         assert!(line.chars().count() + PREFIX <= MAX_LINE, "{line}");
     }

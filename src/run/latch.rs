@@ -30,6 +30,8 @@ pub struct LatchFile {
     name: String,
     /// Latch of an earlier release in the user's home, if present.
     earlier: Option<PathBuf>,
+    /// This run, as the next one names it: its configuration and its begin.
+    run: String,
     /// Reason why the node starts in a stop, if it does.
     awaits: Option<ResetReason>,
     /// That reason as text, which is the content of the latch until a reset succeeds.
@@ -39,13 +41,18 @@ pub struct LatchFile {
 }
 
 impl LatchFile {
-    /// Creates the latch of the node on these interfaces, or finds it left by the last run.
-    pub fn set(interfaces: &[String]) -> Self {
-        Self::set_in(state::latch_folder(), state::earlier_latch_folder(), interfaces)
+    /// Creates the latch of the node on these interfaces, or finds it left by the last run. `run` says which run this is.
+    pub fn set(interfaces: &[String], run: &str) -> Self {
+        Self::set_in(state::latch_folder(), state::earlier_latch_folder(), interfaces, run)
     }
 
     /// Creates or finds the latch in `folder`, or finds one in the folder `earlier`.
-    pub fn set_in(folder: PathBuf, earlier: Option<PathBuf>, interfaces: &[String]) -> Self {
+    pub fn set_in(
+        folder: PathBuf,
+        earlier: Option<PathBuf>,
+        interfaces: &[String],
+        run: &str,
+    ) -> Self {
         let name = name(interfaces);
         // A latch that cannot be inspected counts as present.
         let is_left = |path: &PathBuf| match fs::symlink_metadata(path) {
@@ -53,8 +60,8 @@ impl LatchFile {
             Ok(_) => true,
         };
         let earlier = earlier.map(|folder| folder.join(&name)).filter(is_left);
-        let latch =
-            Self { folder, name, earlier, awaits: None, reason: String::new(), remark: None };
+        let (run, reason) = (run.to_owned(), String::new());
+        let latch = Self { folder, name, earlier, run, awaits: None, reason, remark: None };
         let path = latch.path();
         match latch.create() {
             Ok(true) => match latch.earlier.clone() {
@@ -78,7 +85,7 @@ impl LatchFile {
     fn left_at(self, path: &Path) -> Self {
         let left = fs::read_to_string(path).unwrap_or_else(|error| format!("unreadable: {error}"));
         let left = left.lines().next().unwrap_or("empty").to_owned();
-        let remark = format!("{} is left by an earlier run: {left}", path.display());
+        let remark = format!("{} was left by an earlier run: {left}", path.display());
         self.awaiting(ResetReason::UncleanEnd, &left, &remark)
     }
 
@@ -108,7 +115,7 @@ impl LatchFile {
         if self.awaits.is_none() {
             return Ok(());
         }
-        let written = self.create_folder().and_then(|()| self.write(&running_text()));
+        let written = self.create_folder().and_then(|()| self.write(&self.running_text()));
         written.map_err(|error| format!("{}; {}", self.failed(&error), self.remedy()))
     }
 
@@ -149,7 +156,7 @@ impl LatchFile {
             Err(reason) => {
                 let reason = reason.replace('\n', "; ");
                 // It exists with another text otherwise.
-                self.write(&format!("{reason}\n")).ok();
+                self.write(&format!("{}: {reason}\n", self.run)).ok();
                 Some("the next run enables no drive before `frhc ctl reset`".to_owned())
             }
         }
@@ -169,7 +176,7 @@ impl LatchFile {
         };
         // Each member of the group may reset, regardless of the umask.
         file.set_permissions(Access::Group.permissions())?;
-        file.write_all(running_text().as_bytes())?;
+        file.write_all(self.running_text().as_bytes())?;
         file.sync_all()?;
         self.sync()?;
         Ok(true)
@@ -198,6 +205,11 @@ impl LatchFile {
         File::open(&self.folder)?.sync_all()
     }
 
+    /// Content of the latch until the run ends.
+    fn running_text(&self) -> String {
+        format!("{} did not end in order\n", self.run)
+    }
+
     fn failed(&self, error: &io::Error) -> String {
         format!("the latch {} cannot be written: {error}", self.path().display())
     }
@@ -211,11 +223,6 @@ impl LatchFile {
             self.folder.display()
         )
     }
-}
-
-/// Content of the latch until the run ends.
-fn running_text() -> String {
-    format!("process {} did not end in order\n", std::process::id())
 }
 
 /// Returns the file name, as `running-vcan0+vcan1`. Characters unsafe in file names are percent-encoded.
@@ -236,8 +243,10 @@ mod tests {
     use super::*;
     use crate::scratch::path as scratch;
 
+    const RUN: &str = "the run of arm.toml begun 2026-11-28T21:42:13Z";
+
     fn set(folder: &Path, interface: &str) -> LatchFile {
-        LatchFile::set_in(folder.to_path_buf(), None, &[interface.to_owned()])
+        LatchFile::set_in(folder.to_path_buf(), None, &[interface.to_owned()], RUN)
     }
 
     #[test]
@@ -253,7 +262,9 @@ mod tests {
         let latch = set(&folder, "can0");
         let reason = ResetReason::UncleanEnd;
         assert_eq!(latch.awaits(), Some(reason));
-        assert!(latch.remark().unwrap().contains("did not end in order"));
+        let expected =
+            format!("running-can0 was left by an earlier run: {RUN} did not end in order");
+        assert!(latch.remark().unwrap().ends_with(&expected), "{:?}", latch.remark());
         assert_eq!(set(&folder, "can1").awaits(), None, "another arm");
         // Ended without a reset: the latch stays.
         assert_eq!(latch.end(Ok(())), None);
@@ -262,7 +273,8 @@ mod tests {
         let ended = latch.end(Err("stopped by joint 3".to_owned()));
         assert!(ended.unwrap().contains("ctl reset"));
         let mut latch = set(&folder, "can0");
-        assert!(latch.remark().unwrap().ends_with("stopped by joint 3"));
+        let remark = latch.remark().unwrap();
+        assert!(remark.ends_with(&format!("{RUN}: stopped by joint 3")), "{remark}");
         latch.release();
         assert_eq!(latch.end(Ok(())), None);
         assert!(!file.exists());
@@ -336,7 +348,8 @@ mod tests {
     #[test]
     fn hazard_27_latch_of_an_earlier_release_in_the_home_is_found() {
         let (folder, home) = (scratch("latch-shared"), scratch("latch-home"));
-        let set = || LatchFile::set_in(folder.clone(), Some(home.clone()), &["can0".to_owned()]);
+        let set =
+            || LatchFile::set_in(folder.clone(), Some(home.clone()), &["can0".to_owned()], RUN);
         let latch = set();
         assert_eq!((latch.awaits(), latch.end(Ok(()))), (None, None), "no home, no latch");
         fs::create_dir_all(&home).unwrap();

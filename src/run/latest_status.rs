@@ -3,13 +3,16 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::recording_state::RecordingState;
+use config::Config;
+use config::zeroing::Zeroing;
 use node::record::Record;
 use remote::link::LatestLink;
 use telemetry::feed::Scarce;
 use telemetry::link_report::LinkReport;
 use telemetry::losses::Losses;
-use telemetry::status::{JointLabel, Status};
+use telemetry::status::{self, JointLabel, Status};
 use telemetry::timing::{LateCycle, Timing, TimingReport};
+use telemetry::way_out::Situation;
 use units::time::Instant;
 
 /// Newest record and timing, for the console.
@@ -18,6 +21,8 @@ pub(super) struct LatestStatus {
     latest: Arc<Mutex<Latest>>,
     /// Names of the joints with their units, base first.
     joints: Arc<[JointLabel]>,
+    /// Rest posture of the arm; `None` in tests.
+    zeroing: Option<Arc<Zeroing>>,
     /// Report on the session, if one is recorded.
     recording: Option<RecordingState>,
     /// Link to a robot in another process.
@@ -34,7 +39,13 @@ struct Latest {
 impl LatestStatus {
     /// Creates the state before the first cycle.
     pub(super) fn new(joints: Vec<JointLabel>, recording: Option<RecordingState>) -> Self {
-        Self { latest: Arc::default(), joints: joints.into(), recording, link: None }
+        Self { latest: Arc::default(), joints: joints.into(), zeroing: None, recording, link: None }
+    }
+
+    /// Creates the state before the first cycle of a node of `config`.
+    pub(super) fn from_config(config: &Config, recording: Option<RecordingState>) -> Self {
+        let zeroing = Some(Arc::new(Zeroing::new(config)));
+        Self { zeroing, ..Self::new(status::labels(config), recording) }
     }
 
     /// Adds the link to a robot in another process.
@@ -46,8 +57,26 @@ impl LatestStatus {
     pub(super) fn get(&self) -> Option<Status> {
         let (record, missing_samples, lost) = self.lock().newest?;
         let status = Status::from_record(&record, missing_samples, lost).with_joints(&self.joints);
+        let status = match &self.zeroing {
+            Some(zeroing) => status.with_zeroing(zeroing),
+            None => status,
+        };
         let Scarce { recording, timing, link, .. } = self.scarce();
-        Some(Status { recording, timing, link, ..status })
+        Some(Status { way_out: self.way_out(&record), recording, timing, link, ..status })
+    }
+
+    /// Returns the steps that lead on from the mode of a record.
+    fn way_out(&self, record: &Record) -> Vec<String> {
+        let Record { mode, cause, not_off, zeros, has_switch_box, .. } = record;
+        let situation = Situation {
+            mode: *mode,
+            cause: *cause,
+            not_off,
+            zeros,
+            has_switch_box: *has_switch_box,
+        };
+        let names: Vec<_> = self.joints.iter().map(|label| label.name.as_str()).collect();
+        situation.steps(&names)
     }
 
     /// Returns the newest record; `None` before the first cycle.

@@ -11,6 +11,7 @@ const MAX_LINE: usize = 4_000;
 /// Returns a line as it is printed: control characters escaped, long numbers rounded, long words and lines cut in the
 /// middle.
 pub(crate) fn printable(line: &str) -> String {
+    let line = without_error_numbers(line);
     let mut shown = String::with_capacity(line.len());
     for character in line.chars() {
         match character {
@@ -21,6 +22,21 @@ pub(crate) fn printable(line: &str) -> String {
     let words = digits::shortened(&shown);
     let words = words.split(' ').map(|word| cut(word, MAX_WORD)).collect::<Vec<_>>();
     cut(&words.join(" "), MAX_LINE)
+}
+
+/// Removes the numbers that the standard library adds to the words of the system: ` (os error 2)`.
+fn without_error_numbers(line: &str) -> String {
+    let mut parts = line.split(" (os error ");
+    let mut kept = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        match part.split_once(')') {
+            Some((number, rest)) if number.bytes().all(|byte| byte.is_ascii_digit()) => {
+                kept.push_str(rest);
+            }
+            Some(_) | None => kept.extend([" (os error ", part]),
+        }
+    }
+    kept
 }
 
 /// Returns the first half and the last quarter of a text above a length, with its length.
@@ -42,6 +58,15 @@ mod tests {
     fn control_characters_are_escaped() {
         let hostile = "a.toml: eds = \u{1b}[31mred\u{7}\t\u{85}.eds";
         assert_eq!(printable(hostile), "a.toml: eds = \\u{1b}[31mred\\u{7}\\t\\u{85}.eds");
+    }
+
+    #[test]
+    fn system_errors_are_words_without_their_numbers() {
+        let line = "a: No such file or directory (os error 2); b: (os error of b): Not a directory (os error 20)";
+        assert_eq!(
+            printable(line),
+            "a: No such file or directory; b: (os error of b): Not a directory"
+        );
     }
 
     #[test]

@@ -51,6 +51,11 @@ mod tests {
     #[test]
     fn hazard_27_release_profile_aborts_on_panic() {
         let manifest: toml::Table = include_str!("../../Cargo.toml").parse().unwrap();
-        assert_eq!(manifest["profile"]["release"]["panic"].as_str(), Some("abort"));
+        let profiles = &manifest["profile"];
+        assert_eq!(profiles["release"]["panic"].as_str(), Some("abort"));
+        for profile in ["dist", "newcomer"] {
+            assert_eq!(profiles[profile]["inherits"].as_str(), Some("release"), "{profile}");
+            assert!(profiles[profile].get("panic").is_none(), "{profile}");
+        }
     }
 }

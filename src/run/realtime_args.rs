@@ -35,6 +35,6 @@ impl RealtimeArgs {
     }
 
     pub(super) fn settings(&self) -> Settings {
-        Settings { cpu: self.cpu, cpu_latency_us: self.cpu_latency }
+        Settings { cpu: self.cpu, cpu_latency_us: self.cpu_latency, ..Settings::default() }
     }
 }

@@ -25,7 +25,7 @@ use units::numbering::Joint;
 use units::time::Instant;
 
 /// Polling interval of the rings. The recorder polls because waking it would cost the cycle thread a system call.
-const POLL: Duration = Duration::from_millis(5);
+const POLL: Duration = Duration::from_millis(10);
 
 /// Maximum number of entries in a batch.
 const MAX_BATCH: usize = 4_096;
@@ -237,38 +237,27 @@ impl EventLog {
     }
 }
 
-/// Logs an event with the name of its node.
+/// Logs an event with the name of its node: a warning, unless it belongs to an orderly run.
 fn log_event(event: &Event, names: &[String]) {
     let name = event.node().and_then(|node| names.get(node.0)).map_or("network", String::as_str);
-    match event {
+    let is_expected = matches!(
+        event,
         Event::Booted
-        | Event::Configured { .. }
-        | Event::Joined { .. }
-        | Event::LimitsRaised { .. }
-        | Event::Tested { .. }
-        | Event::MonitoringEnded { .. }
-        | Event::PowerOffConfirmed { .. }
-        | Event::StateChanged { .. } => tracing::info!("{name}: {event}"),
-        Event::Emergency { emergency, .. } if emergency.is_reset() => {
-            tracing::info!("{name}: {event}");
-        }
-        Event::Emergency { .. }
-        | Event::EmergencyWarning { .. }
-        | Event::BootFailed(_)
-        | Event::FoundEnabled { .. }
-        | Event::ValueRefused { .. }
-        | Event::Absent { .. }
-        | Event::ErrorHistory { .. }
-        | Event::Statusword { .. }
-        | Event::ReadBack { .. }
-        | Event::ReadByAnother { .. }
-        | Event::MonitoringKept { .. }
-        | Event::StillOn { .. }
-        | Event::HeartbeatLost { .. }
-        | Event::Rebooted { .. }
-        | Event::Duplicate { .. }
-        | Event::UnknownNode { .. }
-        | Event::ForeignMaster { .. } => tracing::warn!("{name}: {event}"),
+            | Event::Configured { .. }
+            | Event::Joined { .. }
+            | Event::LimitsRaised { .. }
+            | Event::HomingPrepared { .. }
+            | Event::HomingLeft { .. }
+            | Event::Tested { .. }
+            | Event::MonitoringEnded { .. }
+            | Event::PowerOffConfirmed { .. }
+            | Event::StateChanged { .. }
+    );
+    let is_reset = matches!(event, Event::Emergency { emergency, .. } if emergency.is_reset());
+    if is_expected || is_reset {
+        tracing::info!("{name}: {event}");
+    } else {
+        tracing::warn!("{name}: {event}");
     }
 }
 

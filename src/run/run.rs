@@ -2,6 +2,7 @@
 //! stderr and signals.
 
 use std::path::PathBuf;
+use std::process;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -28,13 +29,14 @@ use crate::realtime_args::RealtimeArgs;
 use crate::recorder_thread::{self, Recorder};
 use crate::recording_state::RecordingState;
 use crate::run_recorder::RunRecorder;
+use crate::socket_name::socket_name;
 use crate::sources::Sources;
 use crate::stop_signals::StopSignals;
 use crate::{
-    check, commanded_side, commission, cycle_thread, gains, log_time, print, rings, session,
+    check, commanded_side, commission, cycle_thread, gains, log_time, print, rings, session, state,
     threads,
 };
-use bus::TappedBus;
+use bus::{TappedBus, interface};
 use config::Config;
 use config::files::Copies;
 use inputs::RecordedNode;
@@ -42,7 +44,6 @@ use remote::link::LinkThread;
 use telemetry::feed::{Feed, Source};
 use telemetry::manifest::SessionKind;
 use telemetry::origin::Origin;
-use telemetry::status;
 use telemetry::summary::Summary;
 use units::time::Instant;
 
@@ -61,7 +62,7 @@ pub struct Run {
     pub interfaces: Interfaces,
     /// Record the session in a new folder DIR/NNN-UTC: bus.log (candump format), the inputs of the node for frhc replay,
     /// copies of all files, summary.json, timing.json and faults/.
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, short_alias = 'o', long, visible_alias = "out", value_name = "DIR")]
     pub record: Option<PathBuf>,
     /// Leave host name and folders out of the session's description.
     #[arg(long, requires = "record")]
@@ -104,10 +105,10 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let (sender, requests) = request_queue::channel();
     let (ended, end) = oneshot::channel();
     let link_status = link.as_ref().map(LinkThread::latest);
-    let latest =
-        LatestStatus::new(status::labels(&config), recording.clone()).with_link(link_status);
-    let latch = LatchFile::set(&names);
-    let remark = latch.remark().map(str::to_owned).inspect(|remark| tracing::warn!("{remark}"));
+    let latest = LatestStatus::from_config(&config, recording.clone()).with_link(link_status);
+    let latch = LatchFile::set(&names, &described(&config, origin));
+    let remark = latch.remark().map(|remark| with_advice(remark, &names));
+    remark.iter().for_each(|remark| tracing::warn!("{remark}"));
     let limit = config.disarm_timeout();
     let handler = Arc::new(RequestHandler::new(sender, latest.clone(), clock, remark, limit));
     signals.enable_orderly_stop();
@@ -143,9 +144,28 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     outcome.and(finished)
 }
 
+/// Describes this run for the next one.
+fn described(config: &Config, origin: Origin) -> String {
+    format!(
+        "the run of {} begun {} (process {})",
+        config.file.display(),
+        origin.utc(),
+        process::id()
+    )
+}
+
+/// Adds to the remark of a latch what spares simulated drives the latch of real ones.
+fn with_advice(remark: &str, interfaces: &[String]) -> String {
+    let is_simulated = interfaces.iter().all(|name| interface::is_virtual(name));
+    if state::is_named() || !is_simulated {
+        return remark.to_owned();
+    }
+    format!("{remark}. With STATE_DIRECTORY=DIR simulated drives have a latch of their own")
+}
+
 /// Logs warnings about settings with which the node starts, but an operator may not get the expected behaviour.
 fn warn(config: &Config) {
-    gains::warn(config);
+    gains::log(config);
     commission::warn(config);
     check::warn_no_switch_box(config);
 }
@@ -161,16 +181,18 @@ fn bind_socket(config: &Config, runtime: &Runtime) -> Result<Socket, Failure> {
     let path = config.socket.clone().unwrap_or_else(default_socket);
     let _entered = runtime.enter();
     let socket = Socket::bind(path.clone());
-    socket.with_context(|| format!("control socket {}", path.display())).or_fail(Kind::Bus)
+    let named = || socket_name("control", &path, "node.socket", config.socket.as_deref(), config);
+    socket.with_context(named).or_fail(Kind::Bus)
 }
 
 /// Starts telemetry at the configured path, or at the default one. A failure at the default path is only a warning.
 fn offer_telemetry(config: &Config, origin: Origin) -> Result<Option<Publisher>, Failure> {
-    let path = config.telemetry_socket.clone();
-    let path = path.unwrap_or_else(|| feed_socket::beside(config.socket.as_deref()));
+    let path = feed_socket::of_config(config);
     let feed = Feed::new(config, Source::Run, Some(origin));
     let started = Publisher::start(&path, feed);
-    match started.with_context(|| format!("telemetry socket {}", path.display())) {
+    let configured = config.telemetry_socket.as_deref();
+    let named = || socket_name("telemetry", &path, "node.telemetry_socket", configured, config);
+    match started.with_context(named) {
         Ok(publisher) => Ok(Some(publisher)),
         Err(error) if config.telemetry_socket.is_some() => Err(error).or_fail(Kind::Bus),
         Err(error) => {
@@ -253,5 +275,29 @@ async fn serve(
     tokio::select! {
         outcome = end => outcome.unwrap_or_else(|_| failed()),
         () = socket.serve(handler) => failed(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scratch;
+
+    #[test]
+    fn taken_socket_is_named_by_its_key() {
+        let folder = scratch::path("taken-key");
+        let socket = folder.join("node.sock");
+        let keys = format!("socket = \"{}\"", socket.display());
+        let config = Config::load(&scratch::configuration(&folder, &keys)).unwrap();
+        let runtime = async_runtime().unwrap();
+        let first = bind_socket(&config, &runtime).unwrap();
+        let refused = bind_socket(&config, &runtime).unwrap_err().to_string();
+        let (socket, file) = (socket.display(), config.file.display());
+        let expected = format!(
+            "control socket {socket} (node.socket of {file}): another process listens on this socket"
+        );
+        assert_eq!(refused, expected);
+        drop(first);
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

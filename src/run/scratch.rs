@@ -9,7 +9,7 @@ use crate::sources::Sources;
 use bus::{Bus, SendError, Wake};
 use canopen::frame::Telegram;
 use config::Config;
-use config::files::Copies;
+use config::files::{self, Copies};
 use node::Node;
 use node::record::Record;
 use remote::site::VirtualSite;
@@ -42,7 +42,7 @@ impl Bus for SilentBus {
         Ok(())
     }
 
-    fn wait(&mut self, _: Instant, until: Instant) -> Wake {
+    fn wait(&mut self, _: Instant, _: Instant, until: Instant) -> Wake {
         self.0 = self.0.max(until);
         Wake { now: self.0, received: None }
     }
@@ -53,6 +53,17 @@ pub(crate) fn any_record() -> Record {
     let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
     let site = VirtualSite::new(&config.remote, config.period);
     Node::new(&config, SilentBus(Instant::default()), site).cycle()
+}
+
+/// Writes a configuration with these keys in `[node]` into `folder`; returns its path.
+pub(crate) fn configuration(folder: &Path, keys: &str) -> PathBuf {
+    let shipped = files::read(Path::new("config/kraft_like.toml")).unwrap();
+    let text = String::from_utf8(shipped).unwrap();
+    let text = text.replace("\"../eds/", concat!("\"", env!("CARGO_MANIFEST_DIR"), "/../../eds/"));
+    let file = folder.join("arm.toml");
+    fs::create_dir_all(folder).unwrap();
+    fs::write(&file, text.replacen("[node]\n", &format!("[node]\n{keys}\n"), 1)).unwrap();
+    file
 }
 
 /// Returns the sources of a session that copies no file.

@@ -23,6 +23,7 @@ use node::record::Record;
 use telemetry::origin::Origin;
 use telemetry::parts::{Part, Parts};
 use telemetry::recording::RecordingReport;
+use telemetry::recording_lock::RecordingLock;
 use telemetry::summary::Summary;
 use telemetry::timing::Timing;
 use units::time::Instant;
@@ -40,6 +41,8 @@ pub(super) struct Session {
     /// Set once an early end of the recording was reported.
     is_reported: bool,
     state: RecordingState,
+    /// Shows other processes that this one records.
+    lock: Option<RecordingLock>,
 }
 
 impl Session {
@@ -60,14 +63,15 @@ impl Session {
             Ok(files)
         };
         let files = create().with_context(|| format!("session {}", folder.display()))?;
-        Ok(Self::new(files, folder))
+        let lock = RecordingLock::take(&folder.join(sources::DESCRIPTION));
+        Ok(Self { lock, ..Self::new(files, folder) })
     }
 
     /// Returns a session of these files.
     pub(super) fn new(files: SessionFiles, folder: &Path) -> Self {
         let folder = folder.to_path_buf();
         let state = RecordingState::default();
-        let session = Self { folder, files, is_reported: false, state };
+        let session = Self { folder, files, is_reported: false, state, lock: None };
         session.state.set(session.report());
         session
     }
@@ -93,7 +97,7 @@ impl Session {
     /// Closes the files and writes the summary, even if one has failed.
     pub(super) fn finish(self, summary: &Summary) -> anyhow::Result<()> {
         let mut report = self.report();
-        let Self { folder, files, is_reported, state } = self;
+        let Self { folder, files, is_reported, state, lock: _lock } = self;
         let named = || format!("session {}", folder.display());
         let ended = files.finish().map_err(|error| {
             report.ended_early.get_or_insert_with(|| error.to_string());

@@ -14,6 +14,7 @@ use clap::{Args, Subcommand};
 use crate::exit::{Failure, Kind, OrFail};
 use crate::interrupt::Interrupt;
 use crate::print;
+use crate::sessions::list::Row;
 use crate::sessions::pack::PackReport;
 use crate::sources::DESCRIPTION;
 
@@ -63,19 +64,20 @@ pub fn run(command: &Sessions) -> Result<(), Failure> {
 }
 
 fn list(args: &List) -> Result<(), Failure> {
-    let mut rows = Vec::new();
-    for folder in sessions_in(&args.folder)? {
-        let session = list::Session::read(&folder);
-        rows.push(session.with_context(|| folder.display().to_string()).or_fail(Kind::File)?);
-    }
+    let rows: Vec<_> = sessions_in(&args.folder)?.iter().map(|it| Row::read(it)).collect();
     if args.json {
         for session in &rows {
             print::line(&serde_json::to_string(session).or_fail(Kind::File)?);
         }
+    } else {
+        list::table(&rows).iter().for_each(|line| print::line(line));
+    }
+    let unreadable = rows.iter().filter(|row| row.is_unreadable()).count();
+    if unreadable == 0 {
         return Ok(());
     }
-    list::table(&rows).iter().for_each(|line| print::line(line));
-    Ok(())
+    let reason = format!("{}: {unreadable} of {} unreadable", args.folder.display(), rows.len());
+    Err(Failure::new(Kind::File, reason))
 }
 
 fn pack(args: &Pack) -> Result<(), Failure> {

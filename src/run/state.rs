@@ -12,6 +12,11 @@ pub(super) fn latch_folder() -> PathBuf {
     Variables(env::var_os).latch_folder()
 }
 
+/// Returns whether `STATE_DIRECTORY` names the folder of the latches.
+pub(super) fn is_named() -> bool {
+    Variables(env::var_os).service().is_some()
+}
+
 /// Returns the folder in which earlier releases wrote this user's latches, in the home. `None` if no variable is set, or
 /// if that folder is `STATE_DIRECTORY`.
 pub(super) fn earlier_latch_folder() -> Option<PathBuf> {

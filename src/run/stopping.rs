@@ -1,43 +1,54 @@
 //! Timers that stop each drive without its master, and planned values outside the limits of an EDS, as text and JSON.
 
+use crate::rows;
 use canopen::fact::Fact;
 use config::facts::Facts;
 use config::{Caution, Config, HeldTorque, JointParameters, Stopping};
 
-/// Returns one line for each joint, and one for each planned value outside the limits of its EDS.
+/// Returns what stops each joint's drive, what its drive verifies, and its rest, with one line for equal joints; and one for
+/// each planned value outside the limits of its EDS.
 pub fn lines(config: &Config) -> Vec<String> {
-    let cap = config.force_cap();
-    let mut lines = Vec::new();
-    for (joint, stopping) in config.joints.iter().zip(config.stopping()) {
-        let force = stopping.reaction_time().map_or(0.0, |time| cap.max_force(time));
-        let name = &joint.name;
-        let half = if cap.is_halved { ", half of what the timers allow" } else { "" };
-        lines
-            .push(format!("stops {name:16} by {stopping}: at most {force:.1} N at the grip{half}"));
-    }
-    for (joint, held) in config.joints.iter().zip(config.held_torques()) {
-        let HeldTorque { seen_by, time } = held;
-        let (name, millis) = (&joint.name, time.as_millis());
-        lines.push(format!(
-            "rpdos {name:16} that no longer arrive are seen within {millis} ms by {seen_by}"
-        ));
-    }
+    let mut lines =
+        rows::folded("stops", of_joints(config, config.stopping(), |it| stops(config, &it)));
+    lines.extend(rows::folded(
+        "rpdos",
+        of_joints(config, config.held_torques(), |held| {
+            let HeldTorque { seen_by, time } = held;
+            format!("that no longer arrive are seen within {} ms by {seen_by}", time.as_millis())
+        }),
+    ));
     lines.extend(facts(&config.facts()));
-    for joint in &config.joints {
-        if let Some(rest) = joint.rest {
-            let name = &joint.name;
-            lines.push(format!(
-                "rest  {name:16} at {rest}, when armed for the first time after a boot"
-            ));
-        }
-    }
+    let rests = config.joints.iter().filter_map(|joint| Some((joint.name.as_str(), joint.rest?)));
+    lines.extend(rows::folded(
+        "rest ",
+        rests.map(|(name, rest)| {
+            (name, format!("at {rest}, when armed for the first time after a boot"))
+        }),
+    ));
     lines.extend(cautions(config));
     lines
 }
 
-/// Returns one line for each joint, with the facts that its drive verifies and those that are stated only.
+/// Returns the name of each joint with the text of its value.
+fn of_joints<T>(
+    config: &Config,
+    values: impl IntoIterator<Item = T>,
+    text: impl Fn(T) -> String,
+) -> impl Iterator<Item = (&str, String)> {
+    config.joints.iter().zip(values).map(move |(joint, value)| (joint.name.as_str(), text(value)))
+}
+
+/// Describes what stops a drive, and the force of the arm until then.
+fn stops(config: &Config, stopping: &Stopping) -> String {
+    let cap = config.force_cap();
+    let force = stopping.reaction_time().map_or(0.0, |time| cap.max_force(time));
+    let half = if cap.is_halved { ", half of what the timers allow" } else { "" };
+    format!("by {stopping}: at most {force:.1} N at the grip{half}")
+}
+
+/// Returns the facts that the drives verify and those that are stated only, with one line for equal joints.
 pub fn facts(facts: &[Facts]) -> Vec<String> {
-    facts.iter().map(|facts| format!("facts {:16} {facts}", facts.joint)).collect()
+    rows::folded("facts", facts.iter().map(|facts| (facts.joint.as_str(), facts.to_string())))
 }
 
 /// Returns the facts of each joint as JSON.

@@ -19,6 +19,7 @@ pub mod manifest;
 pub mod origin;
 pub mod parts;
 pub mod recording;
+pub mod recording_lock;
 pub mod session;
 pub mod shaking;
 pub mod status;

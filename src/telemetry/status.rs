@@ -7,6 +7,7 @@ use crate::link_report::LinkReport;
 use crate::losses::Losses;
 use crate::recording::RecordingReport;
 use crate::timing::TimingReport;
+use config::zeroing::Zeroing;
 use config::{Config, JointParameters};
 use controller::Ledger;
 use controller::adjustment::AdjustmentState;
@@ -14,7 +15,9 @@ use controller::arm::JointKind;
 use controller::scaling::Scale;
 use node::cause;
 use node::record::{Mode, Record};
+use node::zero::ZeroState;
 use remote::model::Difference;
+use units::drive::Counts;
 use units::numbering::Joint;
 
 /// Status of the node in one cycle.
@@ -26,6 +29,9 @@ pub struct Status {
     pub stopped_by: Option<String>,
     /// Joints whose drives have not confirmed power off after "disable voltage". Do not touch the arm.
     pub not_off: Vec<u8>,
+    /// Steps that lead on from the mode, in sentences.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub way_out: Vec<String>,
     /// Cycles run.
     pub cycle: u64,
     /// Cycles whose torques were too late to be sent, or whose SYNC was skipped.
@@ -49,10 +55,16 @@ pub struct Status {
     pub locked: Vec<String>,
     /// Set while the object is being aligned with the orientation of the grip.
     pub aligning: bool,
+    /// Actual positions (6064h), in counts.
+    #[serde(skip)]
+    pub counts: [Counts; 6],
     /// Joints with their names and units; empty if these are unknown.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub joints: Vec<JointStatus>,
-    /// Joint positions, in rad (m for a prismatic joint).
+    /// Joints whose zero is unknown, which forbids arming.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub zero_unknown: Vec<UnknownZeroReport>,
+    /// Joint positions, in rad (m for a prismatic joint); NaN, `null` in JSON, if the zero is unknown.
     pub q: [f64; 6],
     /// Torques commanded to the joints, in N·m.
     pub tau: [f64; 6],
@@ -131,6 +143,15 @@ impl ModelDifference {
     }
 }
 
+/// Joint whose zero is unknown, and why.
+#[derive(Clone, Debug, Serialize)]
+pub struct UnknownZeroReport {
+    /// Number, from 1 at the base.
+    pub joint: u8,
+    /// Reason in words.
+    pub why: String,
+}
+
 /// Position and torque of one joint, with their units.
 #[derive(Clone, Debug, Serialize)]
 pub struct JointStatus {
@@ -138,7 +159,7 @@ pub struct JointStatus {
     pub joint: u8,
     /// Displayed name.
     pub name: String,
-    /// Position, in `position_unit`.
+    /// Position, in `position_unit`; NaN, `null` in JSON, if the zero is unknown.
     pub position: f64,
     /// `rad` or `m`.
     pub position_unit: &'static str,
@@ -148,6 +169,13 @@ pub struct JointStatus {
     pub torque_unit: &'static str,
     /// Target torque sent (6071h), in ‰ of rated torque.
     pub target_per_mille: i16,
+    /// Actual position (6064h), in counts.
+    pub counts: i32,
+    /// `known`, or `unknown`.
+    pub zero: &'static str,
+    /// Position that `frhc ctl zero` would give these counts, in `position_unit`; `None` if it sets nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub if_zeroed: Option<f64>,
 }
 
 impl Status {
@@ -158,6 +186,7 @@ impl Status {
             mode: record.mode.name(),
             stopped_by: record.cause.map(|cause| cause.to_string()),
             not_off: joints(&record.not_off),
+            way_out: Vec::new(),
             cycle: record.cycle,
             overruns: record.overruns,
             missing_samples,
@@ -170,7 +199,9 @@ impl Status {
             locked: locked(&record.output.adjusted),
             aligning: record.output.adjusted.is_aligning,
             joints: Vec::new(),
-            q: record.output.q.into(),
+            counts: record.counts,
+            zero_unknown: unknown_zeros(record),
+            q: known_positions(record),
             tau: record.output.tau.into(),
             targets: record.targets,
             budget: record.output.ledger,
@@ -188,7 +219,7 @@ impl Status {
     #[must_use]
     pub fn with_cause_named(mut self, labels: &[JointLabel]) -> Self {
         let names: Vec<_> = labels.iter().map(|label| label.name.as_str()).collect();
-        self.stopped_by = self.stopped_by.map(|text| cause::with_name(text, &names));
+        self.stopped_by = self.stopped_by.map(|text| cause::with_name(&text, &names));
         self
     }
 
@@ -200,10 +231,25 @@ impl Status {
         named
     }
 
+    /// Adds the position that each joint would have if its zero were set now.
+    #[must_use]
+    pub fn with_zeroing(mut self, zeroing: &Zeroing) -> Self {
+        let if_zeroed = zeroing.if_zeroed(&self.counts);
+        for (status, (_, position)) in self.joints.iter_mut().zip(Joint::each(if_zeroed)) {
+            status.if_zeroed = position;
+        }
+        self
+    }
+
     fn joint_statuses(&self, labels: &[JointLabel]) -> Vec<JointStatus> {
-        let values = self.q.into_iter().zip(self.tau).zip(self.targets);
+        let values = self.q.into_iter().zip(self.tau).zip(self.targets).zip(self.counts);
         let joints = Joint::each(labels).zip(values);
-        let joint = |((joint, label), ((position, torque), target)): ((Joint, &JointLabel), _)| {
+        let is_unknown =
+            |joint: Joint| self.zero_unknown.iter().any(|it| it.joint == joint.number());
+        let joint = |((joint, label), (((position, torque), target), Counts(counts))): (
+            (Joint, &JointLabel),
+            _,
+        )| {
             let [position_unit, torque_unit] = label.units();
             JointStatus {
                 joint: joint.number(),
@@ -213,10 +259,34 @@ impl Status {
                 torque,
                 torque_unit,
                 target_per_mille: target,
+                counts,
+                zero: if is_unknown(joint) { "unknown" } else { "known" },
+                if_zeroed: None,
             }
         };
         joints.map(joint).collect()
     }
+}
+
+fn unknown_zeros(record: &Record) -> Vec<UnknownZeroReport> {
+    let report = |(joint, state): (Joint, ZeroState)| match state {
+        ZeroState::Known => None,
+        ZeroState::Unknown(why) => {
+            Some(UnknownZeroReport { joint: joint.number(), why: why.to_string() })
+        }
+    };
+    Joint::each(record.zeros).filter_map(report).collect()
+}
+
+/// Returns the joint positions, NaN for those whose zero is unknown.
+fn known_positions(record: &Record) -> [f64; 6] {
+    let mut q: [f64; 6] = record.output.q.into();
+    for (q, state) in q.iter_mut().zip(record.zeros) {
+        if state != ZeroState::Known {
+            *q = f64::NAN;
+        }
+    }
+    q
 }
 
 /// Returns the state of reflection, by its switch and the deadman.

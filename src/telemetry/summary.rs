@@ -248,6 +248,10 @@ impl Summary {
 
     /// Formats the quality of contact.
     fn fmt_contact(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.contact_seconds <= 0.0 {
+            writeln!(f, "contact           none above {FREE_MOTION_FORCE} N while engaged")?;
+            return self.fmt_fidelity(f);
+        }
         writeln!(
             f,
             "contact           {}, at most {:.0} mm/s, {:+.1} mJ from the hand (lowest {:+.1} mJ)",
@@ -259,6 +263,11 @@ impl Summary {
         if self.contact_posture.poor_seconds > 0.0 {
             writeln!(f, "contact posture   {}", self.contact_posture)?;
         }
+        self.fmt_fidelity(f)
+    }
+
+    /// Formats the difference of the felt from the reflected wrench.
+    fn fmt_fidelity(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(fidelity) = &self.fidelity {
             let place = match fidelity.judged {
                 WrenchSource::Hand => "felt at the hand ",
@@ -285,5 +294,21 @@ impl Rms {
 
     fn value(self) -> f64 {
         if self.count > 0.0 { (self.sum_of_squares / self.count).sqrt() } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn session_without_contact_says_so_in_place_of_zeros() {
+        let text = |contact_seconds| {
+            let summary = Summary { engaged_seconds: 6.0, contact_seconds, ..Summary::default() };
+            summary.to_string()
+        };
+        let none = "contact           none above 0.5 N while engaged\n";
+        assert!(text(0.0).contains(none), "{}", text(0.0));
+        assert!(text(0.1).contains("contact           0 reversals, "), "{}", text(0.1));
     }
 }

@@ -1,12 +1,47 @@
 //! Steps that lead on from a mode, in sentences for reports on sessions and viewers of a running node (docs/operation.md).
 
-use node::cause::CauseKind;
+use node::cause::{Cause, CauseKind};
 use node::reaction::Initiator;
 use node::record::Mode;
+use node::zero::ZeroState;
+use units::numbering::Joint;
 
 /// Step that closes the deadman after arming (ADR 12).
 const PRESS_DEADMAN: &str =
     "release the deadman and press it again: both contacts open for 25 ms, then closed for 25 ms.";
+
+/// Mode, causes and zeros, which decide the steps that lead on.
+#[derive(Clone, Copy, Debug)]
+pub struct Situation<'a> {
+    pub mode: Mode,
+    pub cause: Option<Cause>,
+    /// Drives that have not confirmed power off.
+    pub not_off: &'a [bool; 6],
+    pub zeros: &'a [ZeroState; 6],
+    pub has_switch_box: bool,
+}
+
+impl Situation<'_> {
+    /// Returns the steps that lead on. `names` are those of the joints, base first.
+    pub fn steps(&self, names: &[&str]) -> Vec<String> {
+        let name = |joint: Joint| names.get(joint.index()).copied();
+        if self.mode.is_latched() {
+            let joint = self.cause.and_then(|cause| name(cause.joint()?));
+            return of_stop(self.cause.map(|cause| cause.kind()), joint, &self.not_off(names));
+        }
+        let unknown = Joint::each(self.zeros).filter_map(|(joint, zero)| match zero {
+            ZeroState::Unknown(why) => Some(format!("{}: {why}", name(joint)?)),
+            ZeroState::Known => None,
+        });
+        onwards(self.mode, self.has_switch_box, &unknown.collect::<Vec<_>>())
+    }
+
+    /// Returns the names of the joints whose drives have not confirmed power off.
+    pub fn not_off<'n>(&self, names: &[&'n str]) -> Vec<&'n str> {
+        let not_off = Joint::each(self.not_off).filter(|(_, is_set)| **is_set);
+        not_off.filter_map(|(joint, _)| names.get(joint.index()).copied()).collect()
+    }
+}
 
 /// Returns the steps that lead out of a stop. `joint` is the name of the cause's joint, if any. `not_off` are the names of
 /// joints whose drives have not confirmed power off.
@@ -43,8 +78,9 @@ pub fn of_stop(
     steps
 }
 
-/// Returns the steps that lead on from a mode without a stop; empty while engaged. Arming requires a switch box.
-pub fn onwards(mode: Mode, has_switch_box: bool) -> Vec<String> {
+/// Returns the steps that lead on from a mode without a stop; empty while engaged. Arming requires a switch box, and every zero:
+/// `unknown` are the names of joints without one, each with the reason.
+pub fn onwards(mode: Mode, has_switch_box: bool, unknown: &[String]) -> Vec<String> {
     let step = match mode {
         Mode::Boot => {
             "Wait: drives are configured, enabled and proof-tested at zero torque.".to_owned()
@@ -52,6 +88,10 @@ pub fn onwards(mode: Mode, has_switch_box: bool) -> Vec<String> {
         Mode::Ready if !has_switch_box => {
             "The configuration has no switch box, so nothing can be armed.".to_owned()
         }
+        Mode::Ready if !unknown.is_empty() => format!(
+            "Zero unknown, so nothing can be armed: {}. Lay the arm in its rest posture, then `frhc ctl zero`.",
+            unknown.join("; ")
+        ),
         Mode::Ready => {
             "Hold the grip, then `frhc ctl arm`: the arm carries its own weight within a second."
                 .to_owned()
@@ -85,8 +125,11 @@ mod tests {
     fn every_mode_but_engaged_and_the_stops_has_a_step() {
         for mode in Mode::ALL {
             let has_none = mode == Mode::Engaged || mode.is_latched();
-            assert_eq!(onwards(mode, true).is_empty(), has_none, "{mode}");
+            assert_eq!(onwards(mode, true, &[]).is_empty(), has_none, "{mode}");
         }
-        assert!(onwards(Mode::Ready, false)[0].contains("no switch box"));
+        assert!(onwards(Mode::Ready, false, &[])[0].contains("no switch box"));
+        let unknown = ["elbow: the drive has rebooted".to_owned()];
+        let step = &onwards(Mode::Ready, true, &unknown)[0];
+        assert!(step.contains("elbow: the drive has rebooted. Lay the arm"), "{step}");
     }
 }

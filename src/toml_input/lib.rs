@@ -74,9 +74,10 @@ impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for Elements<T, N> {
     }
 }
 
-/// Returns the message of an error, in one line. That of a key written twice names the key.
+/// Returns the message of an error, in one line and without names of Rust types. That of a key written twice names the
+/// key.
 pub fn message(text: &str, error: &toml::de::Error) -> String {
-    let message = error.message().replace('\n', " ");
+    let message = in_words(error.message().replace('\n', " "));
     let key = error.span().and_then(|span| text.get(span)).filter(|key| !key.is_empty());
     match key.filter(|_| message == DUPLICATE) {
         Some(key) => format!("{message} `{key}`"),
@@ -86,6 +87,28 @@ pub fn message(text: &str, error: &toml::de::Error) -> String {
 
 /// Message of the `toml` crate for a key written twice.
 const DUPLICATE: &str = "duplicate key";
+
+/// Replaces the name of a type at the end of a message.
+fn in_words(message: String) -> String {
+    let Some((before, wanted)) = message.rsplit_once(EXPECTED) else { return message };
+    let words = match wanted {
+        "f64" => "a number",
+        "u8" => "a whole number from 0 to 255",
+        "u16" => "a whole number from 0 to 65535",
+        "u32" => "a whole number from 0 to 4294967295",
+        "u64" | "usize" => "a whole number, 0 or above",
+        "i8" | "i16" | "i32" | "i64" => "a whole number",
+        "a boolean" => "true or false",
+        "a sequence" => "a list",
+        "a map" => "a table",
+        _ if wanted.starts_with("struct ") => "a table",
+        _ => return message,
+    };
+    format!("{before}{EXPECTED}{words}")
+}
+
+/// Part of a message before what is expected.
+const EXPECTED: &str = ", expected ";
 
 /// Returns the key, as `joint[2].torque_curve`, of the innermost value at a byte offset; empty outside all values.
 pub fn key_at(text: &str, offset: usize) -> String {
@@ -181,6 +204,21 @@ mod tests {
         }
         let text = "[x]\n[x]";
         assert!(message(text, &DeTable::parse(text).unwrap_err()).contains('x'));
+    }
+
+    #[test]
+    fn types_are_named_in_words() {
+        for (text, words) in [
+            ("three = [1, \"x\", 3]", "invalid type: string \"x\", expected a number"),
+            ("three = [1, 2, 3]\nrows = 7", "invalid type: integer `7`, expected a list of 2"),
+        ] {
+            let error = toml::from_str::<Section>(text).unwrap_err();
+            assert_eq!(message(text, &error), words);
+        }
+        let of = |wanted: &str| in_words(format!("invalid type: a, expected b, expected {wanted}"));
+        assert_eq!(of("struct Node"), of("a map"));
+        assert!(of("u8").ends_with(", expected b, expected a whole number from 0 to 255"));
+        assert_eq!(of("a string"), "invalid type: a, expected b, expected a string");
     }
 
     #[test]

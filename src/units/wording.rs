@@ -21,6 +21,16 @@ pub fn counted(count: impl Display, noun: &str) -> String {
     format!("{count} {noun}{ending}")
 }
 
+/// Removes the sign of a number that is zero at its decimals: `-0.000` is `0.000`.
+pub fn without_minus_zero(number: String) -> String {
+    match number.strip_prefix('-') {
+        Some(digits) if digits.bytes().all(|digit| matches!(digit, b'0' | b'.')) => {
+            digits.to_owned()
+        }
+        Some(_) | None => number,
+    }
+}
+
 /// Joins messages with semicolons.
 pub fn in_one_line<T: Display>(messages: &[T]) -> String {
     messages.iter().map(T::to_string).collect::<Vec<_>>().join("; ")
@@ -46,6 +56,13 @@ mod tests {
     fn words_are_joined_by_commas_and_and() {
         let lists = [vec![], vec![1], vec![1, 2], vec![1, 2, 3]].map(|words| listed(&words));
         assert_eq!(lists, ["", "1", "1 and 2", "1, 2 and 3"]);
+    }
+
+    #[test]
+    fn zero_has_no_sign() {
+        let numbers = ["-0.000", "-0", "-0.001", "0.0", "-10.0"];
+        let expected = ["0.000", "0", "-0.001", "0.0", "-10.0"];
+        assert_eq!(numbers.map(|number| without_minus_zero(number.to_owned())), expected);
     }
 
     #[test]

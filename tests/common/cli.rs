@@ -3,7 +3,7 @@
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 /// Exit code and output of a command.
 pub(crate) struct CommandOutput {
@@ -17,6 +17,15 @@ pub(crate) fn frhc<S: AsRef<OsStr>>(args: &[S]) -> CommandOutput {
     let text = |bytes| String::from_utf8(bytes).unwrap();
     let code = output.status.code().unwrap();
     CommandOutput { code, stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+/// Runs a command with this stdout.
+pub(crate) fn onto(stdout: impl Into<Stdio>, args: &[String]) -> CommandOutput {
+    let mut command = Command::new(crate::common::program());
+    let command = command.args(args).stdin(Stdio::null()).stdout(stdout).stderr(Stdio::piped());
+    let output = command.output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    CommandOutput { code: output.status.code().unwrap(), stdout: String::new(), stderr }
 }
 
 /// Creates an empty folder for one test.

@@ -53,6 +53,15 @@ const ARMED: &str = "frhc sim --config my_arm.toml --scenario contact_10s & frhc
 /// A node that another master's SYNC has stopped.
 const STOPPED: &str = "frhc sim --config my_arm.toml & frhc run --config my_arm.toml & \
                        frhc ctl --wait arm; cansend vcan0 080#; candump -n 200 vcan0 > seen";
+/// A node whose drives count from power-up.
+const INCREMENTAL: &str = r#"sed -e '/^zero_counts/d' -e 's/^zero = "absolute"/zero = "rest"/' -e 's|"\.\./eds/|"eds/|' config/kraft_like.toml > incremental.toml
+echo 'seconds = 600.0' > still.toml
+frhc sim --config incremental.toml --scenario still.toml & frhc run --config incremental.toml &"#;
+/// The same, armed, after a reboot of a drive.
+const REBOOTED: &str = r#"sed -e '/^zero_counts/d' -e 's/^zero = "absolute"/zero = "rest"/' -e 's|"\.\./eds/|"eds/|' config/kraft_like.toml > incremental.toml
+echo 'seconds = 600.0' > still.toml
+frhc sim --config incremental.toml --scenario still.toml & frhc run --config incremental.toml &
+frhc ctl --wait zero; frhc ctl arm; cansend vcan0 000#8103; candump -n 200 vcan0 > seen"#;
 /// A recording as `bus.log`.
 const RECORDING: &str =
     "frhc -q demo --scenario contact_10s --out recorded; ln -s recorded/bus.log bus.log";
@@ -70,15 +79,11 @@ const INTERFACES: (&str, &str) = ("scripts/vcan_setup.sh", "the test has its int
 const REAL_INTERFACE: (&str, &str) = ("ip link set can0", "sets up a real interface");
 
 pub(crate) const ROWS: &[Row] = &[
-    row("CONTRIBUTING.md", "cargo run", Lane::NotRun(BUILDS)),
-    row("README.md", "cargo run", Lane::NotRun(BUILDS)),
+    row("CONTRIBUTING.md", "cargo test", Lane::NotRun(BUILDS)),
+    row("CONTRIBUTING.md", "scripts/check.sh", Lane::NotRun(BUILDS)),
+    row("README.md", "cargo demo", Lane::NotRun(BUILDS)),
     row("README.md", "cargo install", Lane::NotRun(BUILDS)),
     row_without("README.md", "scripts/vcan_setup.sh", Lane::Vcan(EMPTY_BUS), &[INTERFACES]),
-    row(
-        "README.md",
-        "scripts/with_vcan.sh",
-        Lane::NotRun("starts a kernel, in which this test runs"),
-    ),
     row_without(
         "README.md",
         "frhc check",
@@ -92,11 +97,6 @@ pub(crate) const ROWS: &[Row] = &[
     row("docs/candump.md", "log2asc", Lane::Vcan(RECORDING)),
     row("docs/candump.md", "frhc export", Lane::AnyMachine),
     row("docs/candump.md", "frhc scan", Lane::Vcan(DRIVES)),
-    row(
-        "docs/carriers.md",
-        "VCAN_KERNEL",
-        Lane::NotRun("builds zenoh and measures for 13 minutes"),
-    ),
     row("docs/drives.md", "frhc check --eds eds/drives/elmo-gold.eds  #", Lane::Vcan(DRIVES)),
     row_without(
         "docs/drives.md",
@@ -159,12 +159,11 @@ pub(crate) const ROWS: &[Row] = &[
     row("docs/sessions.md", "frhc signals", Lane::Session),
     row(
         "docs/sessions.md",
-        "scripts/mutants.sh",
+        "lab/mutants.sh",
         Lane::NotRun("takes minutes; scripts/test.sh runs shorter sessions"),
     ),
     row("docs/sessions.md", "frhc export mcap", Lane::Session),
     row("docs/sessions.md", "frhc report", Lane::Session),
-    row("docs/sessions.md", "frhc -q demo --seconds 3600", Lane::NotRun("takes minutes and 2 GB")),
     row("docs/operation.md", "groupadd", Lane::NotRun("changes the users of the machine")),
     row("docs/paper.md", "frhc explain", Lane::AnyMachine),
     row("docs/performance.md", "frhc ctl status", Lane::Vcan(ARMED)),
@@ -181,7 +180,7 @@ pub(crate) const ROWS: &[Row] = &[
     row("docs/robots.md", "frhc-link key", Lane::Network(WITHOUT_A_ROBOT)),
     row(
         "docs/mujoco.md",
-        "scripts/mujoco_arm.sh",
+        "lab/mujoco_arm.sh",
         Lane::NotRun("installs MuJoCo; tests/interop/mujoco_felt.py plays the same"),
     ),
     row("docs/network.md", "cargo build", Lane::NotRun(BUILDS)),
@@ -198,6 +197,14 @@ pub(crate) const ROWS: &[Row] = &[
     ),
     row("docs/view.md", "frhc view", Lane::NotRun("serves until Ctrl-C: tests/program/view.rs")),
     row("docs/view.md", "ssh", Lane::NotRun("needs another machine")),
+    row("docs/zero.md", "sed", Lane::AnyMachine),
+    row("docs/zero.md", "frhc ctl --wait zero", Lane::Vcan(INCREMENTAL)),
+    row_without(
+        "docs/zero.md",
+        "frhc ctl reset",
+        Lane::Vcan(REBOOTED),
+        &[("frhc ctl arm                   # refused", "fails: tests/vcan/zero.rs")],
+    ),
 ];
 
 impl Row {

@@ -10,7 +10,7 @@ use canopen::sdo::{Outcome, Transfer};
 use canopen_device::dictionary::Dictionary;
 use memory_bus::Memory;
 use sim::actuator::ActuatorSettings;
-use sim::drive::{Drive, DriveSettings};
+use sim::drive::{Drive, DriveSettings, EncoderKind};
 use sim::motion::Tuning;
 
 /// Pause before a frame is offered again after the transmit queue was full.
@@ -35,6 +35,8 @@ pub(crate) fn drive() -> Drive {
             torque_curve: [10.0, 0.0, 0.0],
             max_torque: 30.0,
         },
+        encoder: EncoderKind::Absolute,
+        is_prismatic: false,
         latency: Duration::ZERO,
         tuning: Tuning::default(),
     })

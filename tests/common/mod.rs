@@ -9,10 +9,12 @@ pub(crate) mod cli;
 pub(crate) mod devices;
 pub(crate) mod documented;
 pub(crate) mod drive;
+pub(crate) mod examples;
 pub(crate) mod felt;
 pub(crate) mod golden;
 pub(crate) mod linked;
 pub(crate) mod log;
+pub(crate) mod on_terminal;
 pub(crate) mod oracle;
 pub(crate) mod prelude;
 pub(crate) mod process;
@@ -22,6 +24,7 @@ pub(crate) mod rig;
 pub(crate) mod sessions;
 pub(crate) mod sh_blocks;
 pub(crate) mod shipped;
+pub(crate) mod zero;
 
 /// Returns the program under test: `$FRHC_PROGRAM` if it is set, else that of this build.
 pub(crate) fn program() -> &'static str {
@@ -34,7 +37,7 @@ pub(crate) fn program() -> &'static str {
 /// Returns `frhc-link`: `$FRHC_LINK_PROGRAM` if it is set, else that of the last build of its workspace.
 pub(crate) fn link_program() -> &'static str {
     static PROGRAM: LazyLock<String> = LazyLock::new(|| {
-        let built = concat!(env!("CARGO_MANIFEST_DIR"), "/link/target/quick/frhc-link");
+        let built = concat!(env!("CARGO_MANIFEST_DIR"), "/link/target/debug/frhc-link");
         env::var("FRHC_LINK_PROGRAM").unwrap_or_else(|_| built.to_owned())
     });
     &PROGRAM

@@ -88,6 +88,15 @@ impl Process {
         stat.rsplit_once(") ").unwrap().1.chars().next().unwrap()
     }
 
+    /// Returns a size in /proc/PID/status, in kB.
+    pub(crate) fn memory_kb(&self, name: &str) -> u64 {
+        let status = fs::read_to_string(format!("/proc/{}/status", self.0.id())).unwrap();
+        let of = |line: &str| {
+            line.strip_prefix(name)?.strip_prefix(':')?.trim().split(' ').next()?.parse().ok()
+        };
+        status.lines().find_map(of).unwrap()
+    }
+
     /// Returns the page faults of each of its threads so far, by name (proc_pid_stat(5)).
     pub(crate) fn page_faults(&self) -> BTreeMap<String, u64> {
         let threads = fs::read_dir(format!("/proc/{}/task", self.0.id())).unwrap();

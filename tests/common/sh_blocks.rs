@@ -58,8 +58,8 @@ fn fenced(text: &str) -> Vec<(String, Vec<String>)> {
     blocks
 }
 
-/// Returns the code spans of the running text that are commands of the program.
-pub(crate) fn spans(text: &str) -> Vec<String> {
+/// Returns the code spans of the running text that are commands of `program`.
+pub(crate) fn spans(text: &str, program: &str) -> Vec<String> {
     let mut fenced = false;
     let mut outside = String::new();
     for line in text.lines() {
@@ -70,7 +70,8 @@ pub(crate) fn spans(text: &str) -> Vec<String> {
         }
     }
     let spans = outside.split('`').skip(1).step_by(2);
-    spans.filter(|span| span.starts_with("frhc ")).map(str::to_owned).collect()
+    let begins = format!("{program} ");
+    spans.filter(|span| span.starts_with(&begins)).map(str::to_owned).collect()
 }
 
 /// Splits a line of the shell into its commands, and those into words. Comments, redirections and assignments in front of

@@ -18,7 +18,7 @@ from pathlib import Path
 import canopen
 
 ROOT = Path(__file__).resolve().parents[2]
-FRHC = os.environ.get("FRHC", str(ROOT / "target/release/frhc"))
+FRHC = os.environ.get("FRHC", str(ROOT / "target/dist/frhc"))
 LOGS = os.environ.get("INTEROP_LOGS")
 INTERFACE = "vcan0"
 CONFIG = ROOT / "config/kraft_like_500hz.toml"

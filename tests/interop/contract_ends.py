@@ -18,7 +18,7 @@ from frhc.messages import Command, Echo, Feedback, Gripper, Head, Measured, Pose
 from frhc.reasons import Reason, Rejected
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAM = os.environ.get("CONTRACT_ENDS", str(ROOT / "target/quick/examples/contract_ends"))
+PROGRAM = os.environ.get("CONTRACT_ENDS", str(ROOT / "target/debug/examples/contract_ends"))
 COUNT, SEED = 1200, 35
 ARM, FAR, MICROSECOND = 7, 22, 1000
 LAYOUTS = {"Command": codec.COMMAND, "Feedback": codec.FEEDBACK, "Capability": codec.CAPABILITY}

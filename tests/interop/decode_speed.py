@@ -1,6 +1,7 @@
 """Lines a second of `frhc decode`, and of python-can with cantools on the same log by the DBC that `frhc export dbc` writes.
 
-All in processor time, which another program does not lengthen. Python decodes into dictionaries, once without writing anything,
+All in processor time, which another program does not lengthen, and without the start: that of Python and of reading the DBC, or
+that of `frhc` and of reading its configuration. Python decodes into dictionaries, once without writing anything,
 and once with a line of JSON for each frame; `frhc decode` writes every line in either form.
 """
 
@@ -16,7 +17,9 @@ from pathlib import Path
 import can
 import cantools
 
-FRHC = os.environ.get("FRHC", "target/release/frhc")
+import machine
+
+FRHC = os.environ.get("FRHC", "target/dist/frhc")
 CONFIG = "config/kraft_like.toml"
 WANTED = 10
 """How many times as fast ours is to be."""
@@ -31,12 +34,18 @@ def recorded(folder, seconds):
     return log, log.read_bytes().count(b"\n")
 
 
-def ours(log, *options):
+def decoding(log, *options):
     """Returns the time of `frhc decode`, from the start of the process to its end, in s."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run([FRHC, "decode", "--config", CONFIG, *options, str(log)], check=True, stdout=subprocess.DEVNULL)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def ours(log, start, *options):
+    """Returns the shortest time of `frhc decode` for a log, without that for its first line alone, in s."""
+    # The first may find the log on the disk, and other programs share caches and cores.
+    return min(decoding(log, *options) for _ in range(4)) - min(decoding(start, *options) for _ in range(4))
 
 
 def pythons(log, to=None):
@@ -66,20 +75,21 @@ def measured(seconds):
     """Returns the lines of a log, and the time of each reader, in s."""
     with tempfile.TemporaryDirectory() as folder:
         log, lines = recorded(folder, seconds)
-        # The shortest of several each: the first may find the log on the disk, and other programs share caches and cores.
-        text, as_json = (min(ours(log, *options) for _ in range(4)) for options in ([], ["--json"]))
+        start = Path(folder) / "start.log"
+        start.write_bytes(log.read_bytes().partition(b"\n")[0] + b"\n")
+        text, as_json = (ours(log, start, *options) for options in ([], ["--json"]))
         with open(os.devnull, "w") as nowhere:
             decoded, written = (min(pythons(log, to) for _ in range(2)) for to in (None, nowhere))
         return lines, {"text": text, "json": as_json, "decoded": decoded, "written": written}
 
 
 def decode_is_ten_times_as_fast_as_python_can_with_cantools(_):
-    # Long enough that the start of `frhc`, which is in its time, does not count: Python's is not in Python's.
-    lines, times = measured(40)
+    with machine.Others() as others:
+        lines, times = measured(40)
     assert lines > 350_000, lines
-    # Text, although Python writes nothing; JSON, where it writes JSON.
-    assert WANTED * times["text"] <= times["decoded"], times
-    assert WANTED * times["json"] <= times["written"], times
+    # Text, although Python writes nothing; JSON, where it writes JSON. Other programs share caches and cores.
+    machine.judge(WANTED * times["text"] <= times["decoded"], times, others)
+    machine.judge(WANTED * times["json"] <= times["written"], times, others)
 
 
 TIMED = [decode_is_ten_times_as_fast_as_python_can_with_cantools]

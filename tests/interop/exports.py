@@ -17,7 +17,7 @@ from pathlib import Path
 import cantools
 import jsonschema
 import numpy
-from mcap.reader import make_reader
+from mcap.reader import NonSeekingReader, make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -81,7 +81,7 @@ def exported(*args):
     demo = subprocess.run([FRHC, "-q", "demo", "--out", session, *args], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=ROOT)
     assert demo.returncode in (0, 6), demo.stderr  # 6: a latched stop
     file = session.with_suffix(".mcap")
-    run([FRHC, "export", "mcap", session, "--out", file])
+    run([FRHC, "export", "mcap", session, "--full-rate", "--out", file])
     return session, File(file)
 
 
@@ -227,7 +227,7 @@ def in_pose_mode():
 def rosbags_reads_a_file_of_ros_types_as_a_bag(_):
     session, file = in_contact()
     only = session.with_suffix(".ros.mcap")
-    subprocess.run([FRHC, "export", "mcap", session, "--ros-only", "-o", only], check=True, stdout=subprocess.DEVNULL, cwd=ROOT)
+    subprocess.run([FRHC, "export", "mcap", session, "--ros-only", "--full-rate", "-o", only], check=True, stdout=subprocess.DEVNULL, cwd=ROOT)
     ros = {topic: found for topic, found in file.topics.items() if found[0].schema.encoding == "ros2msg"}
     with AnyReader([only]) as reader:
         assert {connection.topic: connection.msgcount for connection in reader.connections if connection.msgcount} == {
@@ -239,6 +239,32 @@ def rosbags_reads_a_file_of_ros_types_as_a_bag(_):
             if connection.topic in read:
                 reader.deserialize(read[connection.topic][-1][1], connection.msgtype)
     assert read == {topic: [(message.nanos, message.data) for message in found] for topic, found in ros.items()}
+
+
+def reduced_file_has_the_same_messages_fewer_times(_):
+    session, full = in_contact()
+    path = session.with_suffix(".reduced.mcap")
+    subprocess.run([FRHC, "export", "mcap", session, "-o", path], check=True, stdout=subprocess.DEVNULL, cwd=ROOT)
+    reduced = File(path)
+    assert {chunk.compression for chunk in reduced.summary.chunk_indexes} == {"lz4"}
+    assert path.stat().st_size < 4_500_000, path.stat().st_size
+    slow = {"/tf", "/frhc/status", "/frhc/torques"}
+    assert reduced.topics.keys() == full.topics.keys()
+    for topic, found in reduced.topics.items():
+        messages = [(it.nanos, it.data) for it in found]
+        expected = [(it.nanos, it.data) for it in full.topics[topic]]
+        if topic in slow:
+            assert 600 <= len(messages) < 620 and set(messages) <= set(expected), f"{topic}: {len(messages)}"
+        else:
+            assert messages == expected, topic
+    modes = [message.decoded["mode_number"] for message in full.topics["/frhc/status"]]
+    changes = [place for place in range(1, len(modes)) if modes[place] != modes[place - 1]]
+    times = {message.nanos for message in reduced.topics["/frhc/status"]}
+    assert changes and all(full.topics["/frhc/status"][place].nanos in times for place in changes)
+    # Without an index, from the start to the end, with the checksum of all bytes before the summary.
+    with path.open("rb") as stream:
+        count = sum(1 for _ in NonSeekingReader(stream, validate_crcs=True).iter_messages(log_time_order=False))
+    assert count == reduced.summary.statistics.message_count
 
 
 def commands_are_rates_poses_or_none(_):
@@ -386,6 +412,7 @@ TESTS = [
     transforms_lead_to_the_poses,
     rosbags_encodes_messages_of_every_type_to_the_same_bytes,
     rosbags_reads_a_file_of_ros_types_as_a_bag,
+    reduced_file_has_the_same_messages_fewer_times,
     commands_are_rates_poses_or_none,
     json_is_that_of_its_schemas,
     torques_are_the_sum_of_their_budget,

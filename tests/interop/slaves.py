@@ -73,7 +73,7 @@ class Drive(Slave):
         self.watches = True
         self.received_at = {}
         self.timers = {}
-        turns = joint["start_deg"] / 360.0 * joint["gear_ratio"]
+        turns = joint["rest_deg"] / 360.0 * joint["gear_ratio"]
         self.counts = joint["zero_counts"] + round(turns * joint["encoder_counts_per_rev"])
         super().__init__(network, joint["node_id"], DRIVE_EDS)
         self.node.add_read_callback(self.on_read)

@@ -97,7 +97,7 @@ def arm_joints(path=ARM):
         }
         for joint in joints
     ]
-    return described, [math.radians(joint["start_deg"]) for joint in joints]
+    return described, [math.radians(joint["rest_deg"]) for joint in joints]
 
 
 def robot_joints(path=PUMA):

@@ -132,6 +132,16 @@ class Judge:
         while self.browser.script("return document.documentElement.dataset.cycle") != str(self.number):
             assert time.monotonic() < end, f"posture {self.number} is not drawn"
 
+    def pictured(self, case):
+        """Shows a posture, and returns its picture; again where the machine was so busy that the page has no data for a second by then."""
+        end = time.monotonic() + PAGE_TIMEOUT_S
+        while True:
+            self.show(case)
+            picture = shot(self.browser)
+            if not self.browser.script("return document.documentElement.classList.contains('is-away')"):
+                return picture
+            assert time.monotonic() < end, f"posture {self.number} is not drawn in time for its picture"
+
     def open(self, case, address, ratio=1):
         """Opens the page with a posture, which a camera without a stated place is fitted to."""
         self.show_to_come(case)
@@ -173,15 +183,14 @@ class Judge:
             self.open(first, f"{address}&markers={','.join(sorted(names))}", ratio)
             for case, posture in zip(cases, left):
                 if any(posture.values()):
-                    self.show(case)
-                    distances += self.seen(case, posture, names)
+                    distances += self.seen(self.pictured(case), case, posture, names)
             hidden = sum(len(named) for posture in left for named in posture.values()) if hidden is None else hidden
         assert not any(named for posture in left for named in posture.values()), f"never seen: {left}"
         return np.array(distances), hidden
 
-    def seen(self, case, posture, names):
+    def seen(self, picture, case, posture, names):
         """Returns the distances of those that are seen; they leave `posture`."""
-        picture, distances = shot(self.browser), []
+        distances = []
         for view, named in case.points.items():
             shown = {name: point for name, point in named.items() if name in names}
             for name, distance in picture.of(view).distances(shown).items():
@@ -197,15 +206,13 @@ class Judge:
         self.open(Case(self.arms, self.described, random), f"{address}&markers=felt,sensed", ratio)
         distances, angles = [], []
         for case in self.cases(count, random, lambda case: case.arrows):
-            self.show(case)
-            picture = shot(self.browser)
+            picture = self.pictured(case)
             for view, named in case.arrows.items():
                 distance, angle = arrow_errors(picture.of(view), named)
                 distances += distance
                 angles += angle
         for force in (0.9 * MIN_FORCE, 0.0):
-            self.show(self.cases(1, random, lambda case: case.arrows, force)[0])
-            picture = shot(self.browser)
+            picture = self.pictured(self.cases(1, random, lambda case: case.arrows, force)[0])
             for view, name in (("hand", "felt"), ("robot", "sensed")):
                 for part in ("", "-tip", "-tail"):
                     assert picture.of(view).found(name + part).size == 0, f"an arrow of {force} N in {view}"

@@ -12,6 +12,7 @@ import time
 
 import numpy as np
 
+import machine
 from browser import SOFTWARE_GL, Browser
 from telemetry_feed import ROOT, Feed, Motion, description
 from view import FRHC, drawn, faults, is_sound, page, text_of, until
@@ -44,14 +45,15 @@ def view_passes_snapshots_on_within_its_limit(_):
         browser.open_url(url, 1280, 720)
         drawn(browser)
         browser.script(LISTENER)
-        until(browser, f"window.arrivals.length >= {SNAPSHOTS}", "the snapshots")
+        with machine.Others() as others:
+            until(browser, f"window.arrivals.length >= {SNAPSHOTS}", "the snapshots")
         ages = np.diff(browser.script("return window.arrivals"), axis=1)
         p50, p99 = np.percentile(ages, [50, 99])
         shown_ms = float(browser.script("return document.documentElement.dataset.age_ms"))
         print(f"  {len(ages)} snapshots from the feed to the page: median {p50:.1f} ms, p99 {p99:.1f} ms, at most {ages.max():.1f} ms; "
               f"the newest drawn {shown_ms:.1f} ms after it came", flush=True)
         assert ages.min() > 0, "the clocks differ"
-        assert p99 <= MAX_FEED_TO_PAGE_MS, f"p99 {p99:.1f} ms"
+        machine.judge(p99 <= MAX_FEED_TO_PAGE_MS, f"p99 {p99:.1f} ms", others)
         is_sound(browser, "latency")
 
 

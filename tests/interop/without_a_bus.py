@@ -8,7 +8,6 @@ With --timed those alone whose result is a time: they need the machine for thems
 import contextlib
 import sys
 
-import contact
 import contract_ends
 import decode_speed
 import exports
@@ -27,7 +26,7 @@ import view_hostile
 import view_judges
 import view_live
 
-TESTS = [*robots.TESTS, *contact.TESTS, *mujoco_judge.TESTS, *link.TESTS, *contract_ends.TESTS, *python_package.TESTS,
+TESTS = [*robots.TESTS, *mujoco_judge.TESTS, *link.TESTS, *contract_ends.TESTS, *python_package.TESTS,
          *sessions.TESTS, *exports.TESTS, *pages.TESTS, *report.TESTS, *view.TESTS,
          *view_judges.TESTS, *view_access.TESTS, *view_hostile.TESTS, *view_live.TESTS, *top.TESTS]
 

@@ -228,8 +228,11 @@ class Program:
         """Sends SIGTERM. Returns exit code and error text."""
         self.signal(signal.SIGTERM)
         code = self.process.wait(5)
-        self.output.seek(0)
-        return code, self.output.read()
+        return code, self.printed()
+
+    def printed(self):
+        """Returns what it has printed so far."""
+        return os.pread(self.output.fileno(), 1 << 20, 0).decode(errors="replace")
 
 
 def router(port, far_port):
@@ -271,7 +274,7 @@ class Bench(contract.Bench):
         """Returns the next Feedback, and waits for the link if it is down."""
         count, end = len(self.feedbacks), now() + LINK_TIMEOUT_S
         while len(self.feedbacks) == count:
-            assert now() < end, "no link"
+            assert now() < end, f"no link; {self.program.printed()}"
             time.sleep(0.01)
             self.receive()
         return self.feedbacks[count]
@@ -456,8 +459,11 @@ def test_far_router_that_goes_away_and_comes_back():
             bench.follow(node)
         bench.keep_sending(node, OUTAGE_S)  # the router is killed
         bench.receive()
-        with router(port, bench.port):
-            after = bench.wait()
+        with router(port, bench.port) as second:
+            try:
+                after = bench.wait()
+            except AssertionError as error:
+                raise AssertionError(f"{error}; router: {second.process.poll()}, {second.printed()}")
             assert_equal((after.session, after.reason), (before.session, SILENCE))
             bench.run(node)
             node.epoch += 1

@@ -5,9 +5,9 @@ use nalgebra::Isometry3;
 use crate::common::prelude::*;
 use controller::adjustment::AdjustmentError;
 use controller::switches::CommandMode;
-use experiments::comparison;
 use node::RequestError;
 use remote::site::Virtual;
+use testbench::comparison;
 use units::adjustment::{Adjustment, LockAxis, Quantity};
 
 /// Maximum change of a torque in one cycle, in % of the joint's capacity.

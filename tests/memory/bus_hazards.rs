@@ -36,8 +36,12 @@ struct Run {
 impl Run {
     /// Runs until the operator is engaged, and injects `faults`, whose times count from the next SYNC.
     fn with(faults: &[Fault]) -> Self {
-        let (config, wire) = (config(KRAFT), Wire::default());
-        let mut bench = started(&config, script(SCRIPT), wire.clone());
+        Self::of(&config(KRAFT), faults)
+    }
+
+    fn of(config: &Config, faults: &[Fault]) -> Self {
+        let wire = Wire::default();
+        let mut bench = started(config, script(SCRIPT), wire.clone());
         bench.run(SETTLED);
         let last = bench.cycle();
         assert_eq!(last.mode, Mode::Engaged);
@@ -146,6 +150,39 @@ fn hazard_22_stuck_adapter_ends_all_sending() {
 #[test]
 fn hazard_23_bus_off_ends_all_sending_within_a_cycle() {
     ends_sending(Disturbance::BusOff, &[CauseKind::BusOff], 2);
+}
+
+#[test]
+fn hazard_23_either_of_two_buses_at_650_us_ends_all_sending() {
+    let guarding = "[switches.boot]\nguard_time_ms = 20\nlife_time_factor = 3\n\n[controller]\n";
+    let text = fs::read_to_string("config/jpl_like_1538hz.toml").unwrap();
+    let guarded = text.replacen("[controller]\n", guarding, 1);
+    let config = Config::parse("config/jpl_like_1538hz.toml".as_ref(), &guarded).unwrap();
+    assert!(text != guarded && config.period < Duration::from_micros(651));
+    let rows: [(Disturbance, &[CauseKind], u32); 3] = [
+        (Disturbance::BusOff, &[CauseKind::BusOff], 2),
+        (Disturbance::InterfaceDown, &[CauseKind::BusDown], 2),
+        (
+            Disturbance::AdapterStuck,
+            &[CauseKind::TransmitUnconfirmed, CauseKind::SamplesMissing],
+            4,
+        ),
+    ];
+    for (disturbance, kinds, cycles) in rows {
+        for (channel, phase) in [(0, 20), (0, 300), (1, 20), (1, 300)] {
+            let start = Duration::from_micros(phase);
+            let fault = Fault::of_bus(start, Channel(channel), disturbance);
+            let run = Run::of(&config, &[fault]).cycles(40);
+            let context = format!("{disturbance} on bus {channel} at {phase} µs");
+            let (cause, mode) = run.end();
+            assert!(kinds.contains(&cause.unwrap()), "{context}: {cause:?}");
+            assert_eq!(mode, Mode::DrivesOff, "{context}");
+            let zero = Duration::from_micros(run.zero_after());
+            assert!(zero <= config.period * cycles, "{context}: {zero:?}");
+            let torque_for = run.last_torque.since(run.onset);
+            assert!(torque_for <= BY_TIMER, "{context}: torque for {torque_for:?}");
+        }
+    }
 }
 
 #[test]

@@ -32,7 +32,8 @@ const FIRST: &[(&str, &str)] = &[
     ("assist_fraction", "-"),
     ("max_force_n", "-"),
     ("max_moment_nm", "-"),
-    ("torque_rise_s", "tau"),
+    // No joint torque rises as fast as it may.
+    ("torque_rise_s", "-"),
     ("ramp_s", "f_g_centring"),
     ("share", "ledger"),
     ("margin", "-"),

@@ -49,6 +49,7 @@ fn non_finite_number_is_refused_with_its_line() {
 #[test]
 fn missing_key_is_named() {
     let optional = [
+        "rest_deg",
         "start_deg",
         "contact_fade_n",
         "torque_rise_s",
@@ -106,7 +107,7 @@ fn type_error_hides_no_other_problem() {
     let wrong = (
         "a_m = 0.254",
         "a_m = \"long\"",
-        "joint[2].a_m: invalid type: string \"long\", expected f64",
+        "joint[2].a_m: invalid type: string \"long\", expected a number",
     );
     let more = [
         (
@@ -156,7 +157,7 @@ fn inconsistent_values_are_refused() {
         ("joint[2].limit_deg", "[140.0, 0.0]", ""),
         ("joint[0].torque_curve", "[0.0, 0.0, 0.0]", ""),
         ("joint[4].kind", "\"screw\"", "unknown value \"screw\""),
-        ("joint[2].start_deg", "145.0", "the joint would start out of"),
+        ("joint[2].rest_deg", "145.0", "the joint would rest out of"),
         ("joint[2].max_force_n", "4.0", "a revolute joint has"),
         ("safety.rpdo_timer_ms", "1", "1 ms is less than two"),
         ("safety.node_lost_ms", "9", ""),

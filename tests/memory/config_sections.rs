@@ -51,13 +51,16 @@ fn promise_03_force_cap_includes_every_source_of_force() {
     let plain = changed(KRAFT_TEXT, &[heartbeat_only, weak, no_stops, no_dampers, strong_assist]);
     parse(KRAFT, &plain);
     for (change, reason) in [
-        (("[remote]\n", WALLS), "return to centre and walls"),
+        (("[remote]\n", WALLS), "centring_n and walls"),
         (
             ("centring_n = [2.0, 2.0, 2.0]", "centring_n = [15.0, 15.0, 15.0]"),
-            "return to centre and walls",
+            "centring_n and walls",
         ),
-        (("push = 0.0 ", "push = 1.0 "), "soft stops"),
-        (("max_damping_ns_per_m = 1.0", "max_damping_ns_per_m = 75.0"), "and dampers of 83 N·s/m"),
+        (("push = 0.0 ", "push = 1.0 "), "soft_stops.push"),
+        (
+            ("max_damping_ns_per_m = 1.0", "max_damping_ns_per_m = 75.0"),
+            "controller.passivity.max_damping_ns_per_m: ",
+        ),
     ] {
         let refusal = refusal(KRAFT, &plain.replacen(change.0, change.1, 1));
         let found =
@@ -274,15 +277,30 @@ fn hazard_18_invalid_adjustments_are_refused_by_key() {
 }
 
 #[test]
-fn bounds_of_contact_postures_are_positive() {
-    let keys = ["min_singular_value = 0.1 ", "max_grip_friction_n = 0.6 "];
-    for key in keys {
+fn bounds_of_contact_postures_are_within_their_ranges() {
+    let keys = [("min_singular_value = 0.1 ", "10"), ("max_grip_friction_n = 0.6 ", "10000")];
+    for (key, most) in keys {
         let (name, _) = key.split_once(" = ").unwrap();
-        for wrong in ["0.0", "-1.0", "nan", "inf"] {
+        for wrong in ["0.0", "-1.0", "nan", "inf", "1e300"] {
             let text = KRAFT_TEXT.replace(key, &format!("{name} = {wrong} "));
             let refusal = refusal(KRAFT, &text);
-            assert!(refusal.contains(&format!("arm.{name}: must be above zero")), "{refusal}");
+            let range = format!("arm.{name}: must be within 0.000001..={most}, got");
+            assert!(refusal.contains(&range), "{refusal}");
         }
+    }
+}
+
+#[test]
+fn rotor_and_viscous_friction_of_a_joint_have_ranges() {
+    for (key, value, range) in [
+        ("rotor_inertia_kg_m2", "9e18", "0.000001..=10000"),
+        ("viscous_friction_nms_per_rad", "1e300", "0..=10000"),
+    ] {
+        let (before, rest) = KRAFT_TEXT.split_once(&format!("{key} = ")).unwrap();
+        let (_, after) = rest.split_once([' ', '\n']).unwrap();
+        let refusal = refusal(KRAFT, &format!("{before}{key} = {value}\n{after}"));
+        let expected = format!("joint[0].{key}: must be within {range}, got ");
+        assert!(refusal.contains(&expected), "{refusal}");
     }
 }
 

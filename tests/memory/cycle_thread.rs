@@ -31,7 +31,8 @@ impl<S: Station> Bench<S> {
     fn new(name: &str, crashed: bool, stations: S) -> Self {
         let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
         fs::remove_dir_all(&folder).ok(); // left by an earlier process with this id
-        let set = || LatchFile::set_in(folder.clone(), None, &["can0".to_owned()]);
+        let set =
+            || LatchFile::set_in(folder.clone(), None, &["can0".to_owned()], "the run of a test");
         if crashed {
             drop(set());
         }

@@ -19,7 +19,7 @@ const TOLERANCE: f64 = 2e-3;
 const FILE: &str = "config/test.toml";
 
 /// Accepts a position scale that is stated only.
-const ACCEPTED: &str = "accept_stated_only = [\"position_scale\"]\nrest_deg = 95.0\n";
+const ACCEPTED: &str = "accept_stated_only = [\"position_scale\"]\n";
 
 /// Returns the text of a weak arm with `keys` in place of the elbow's encoder_counts_per_rev.
 fn arm_text(keys: &str) -> String {

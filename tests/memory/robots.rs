@@ -1,4 +1,4 @@
-//! The commanded side against the oracles: arms, payload, Eq. 11, accommodation; and the shipped robot files.
+//! The commanded side against the oracles: arms, payload, accommodation; and the shipped robot files.
 
 use nalgebra::{Isometry3, Vector3};
 
@@ -8,7 +8,6 @@ use crate::common::oracle::{
 use crate::common::prelude::*;
 use crate::common::refusals::with_value;
 use config::robots::RobotArm;
-use experiments::dual_peg::contact_work::ContactWork;
 use robot::accommodation::Accommodation;
 use robot::chain::Joints;
 use robot::following_arm::FollowingArm;
@@ -96,35 +95,6 @@ fn payload_is_compensated() {
     let f_s = object.operator_wrench(&wrench(&inputs["F_S_meas"]));
     let reference = &paper["payload"]["F_S_after_static_removal"];
     assert_near("contact", &f_s.components(), &numbers::<6>(reference));
-}
-
-#[test]
-fn contact_work_matches_the_reference() {
-    let eq11 = &oracle::oracle("paper.json")["eq11"];
-    let work_of = |samples: u32, force: fn(f64) -> [f64; 6], way: fn(f64) -> [f64; 6]| {
-        let mut work = ContactWork::default();
-        let at = |sample: u32| f64::from(sample) / f64::from(samples - 1);
-        for sample in 0..samples {
-            let before = way(at(sample.saturating_sub(1)));
-            let mut dx = way(at(sample));
-            dx.iter_mut().zip(before).for_each(|(now, before)| *now -= before);
-            work.add(&Wrench::from_components(force(at(sample))), &Twist::from_components(dx));
-        }
-        [work.literal(), work.absolute()]
-    };
-    let expected = |case: &str| [number(&eq11[case]["W_literal"]), number(&eq11[case]["W_abs"])];
-    let monotone = work_of(
-        101,
-        |s| [20.0 * s, 0.0, 0.0, 0.0, -s * s, 0.0],
-        |s| [0.1 * s, 0.0, 0.0, 0.0, -0.2 * s * s, 0.0],
-    );
-    assert_near("monotone", &monotone, &expected("monotone"));
-    let round_trip = work_of(
-        201,
-        |s| [20.0 * (1.0 - (2.0 * s - 1.0).abs()), 0.0, 0.0, 0.0, 0.0, 0.0],
-        |s| [0.1 * (1.0 - (2.0 * s - 1.0).abs()), 0.0, 0.0, 0.0, 0.0, 0.0],
-    );
-    assert_near("elastic", &round_trip, &expected("elastic_round_trip"));
 }
 
 #[test]
@@ -216,6 +186,10 @@ fn invalid_robot_files_are_refused_by_key() {
         ("resolved_rate.length_m", "0.0", "must be within 0.01..=100"),
         ("resolved_rate.lengths_m", "0.5", "unknown key"),
         ("joint[1].mass_kg", "nan", "must be within"),
+        ("joint[1].rotor_inertia_kg_m2", "9e18", "must be within 0.000001..=10000, got"),
+        ("joint[1].viscous_friction_nms_per_rad", "1e300", "must be within 0..=10000, got"),
+        ("joint[1].coulomb_friction_nm", "1e300", "must be within 0..=10000, got"),
+        ("joint[1].max_torque_nm", "1e300", "must be within 0.001..=1000000, got"),
     ] {
         let (text, line) = with_value(&text(PUMA), key, value);
         let message = refused(&text);

@@ -140,7 +140,7 @@ fn booted(world: &Config, config: &Config) -> Bench<()> {
 fn fact_that_the_drive_aborts_is_stated_only_after_the_boot() {
     let accepted = accepting(&lacking("aborts", &[SIGN]), "accept_stated_only = [\"sign\"]");
     let world = parse(FILE, &weak(&accepted));
-    let listed = parse(FILE, &weak(TEXT));
+    let listed = parse(FILE, &at_rest(&weak(TEXT), KRAFT_LIKE));
     let mut bench = booted(&world, &listed);
     let Err(RequestError::Unfit(refused)) = bench.ask(Request::Arm) else { panic!("armed") };
     let [Unfit::Facts(FactsError::NotAccepted { joints, facts })] = &refused[..] else {
@@ -178,6 +178,7 @@ fn arming_is_refused_by_all_its_reasons_at_once() {
         Unfit::Facts(_) => "facts",
         Unfit::Force(_) => "force",
         Unfit::NotAtRest(_) => "rest",
+        Unfit::UnknownZeros(_) => "zero",
         Unfit::FarSide(_) => "far side",
     });
     assert_eq!(kinds.collect::<Vec<_>>(), ["facts", "force", "rest"], "{refused}");

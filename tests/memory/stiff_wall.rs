@@ -1,10 +1,10 @@
 //! The scenario `stiff-wall`: every shipped arm meets its wall, and the verdict is that of the contact.
 
 use crate::common::prelude::*;
-use experiments::comparison::{self, Comparison, Verdict};
 use remote::site::Virtual;
 use telemetry::fidelity::{Fidelity, WrenchSource};
 use telemetry::summary::Summary;
+use testbench::comparison::{self, Comparison, Verdict};
 use testbench::truth::Truth;
 
 /// Plays the scenario to the end.

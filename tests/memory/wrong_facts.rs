@@ -2,6 +2,7 @@
 
 use crate::common::prelude::*;
 use crate::common::rest::{KRAFT_LIKE, at_rest};
+use crate::common::zero::{with_second_rest, with_zero};
 use canopen::fact::Fact;
 use node::{RequestError, Unfit};
 
@@ -108,6 +109,77 @@ fn hazard_41_wrong_sign_or_scale_is_refused_before_torque() {
     }
 }
 
+/// Second rest posture of each of [`ARMS`].
+const SECOND: [[f64; 6]; 3] = [
+    [0.0, -80.0, 60.0, 0.0, 0.0, 0.0],
+    [0.0, 0.0, 0.36, 0.0, 0.0, 0.0],
+    [0.0, -40.0, 90.0, 0.0, 10.0, 0.0],
+];
+
+/// Zeroes an arm in its rest posture, moves it to the second one and back, and returns the refusal to arm, `None` if it is
+/// armed.
+fn zeroed(world: &str, node: &str) -> Option<String> {
+    let mut bench = bench(world, node);
+    if let Err(error) = bench.bring_up() {
+        return Some(error.to_string());
+    }
+    let config = parse(FILE, node);
+    let run = |bench: &mut Bench<Wire>, millis: u32| {
+        (0..millis / u32::try_from(config.period.as_millis().max(1)).unwrap())
+            .for_each(|_| _ = bench.cycle());
+    };
+    run(&mut bench, 1_100);
+    if let Err(error) = bench.ask(Request::Zero(None)) {
+        return Some(error.to_string());
+    }
+    for is_second in [true, false] {
+        let q = config.joints.each_ref().map(|joint| {
+            let rest = if is_second { joint.second_rest } else { joint.rest };
+            rest.unwrap().position()
+        });
+        bench.world_mut().guide_to(q);
+        run(&mut bench, 2_500);
+    }
+    assert!(bench.world_mut().torques().amax() < 1e-9, "no torque before arming");
+    bench.ask(Request::Arm).err().map(|error| error.to_string())
+}
+
+/// Asserts that arms of this kind are refused with a wrong sign or scale of any joint, and armed without.
+fn is_verified(kind: &str) {
+    for ((file, rest), second) in ARMS.into_iter().zip(SECOND) {
+        let absolute = arm(kind, file, rest);
+        let of_kind = |text: &str| with_second_rest(&with_zero(text, kind), second);
+        let right = of_kind(&absolute);
+        assert_eq!(zeroed(&right, &right), None, "{file}, {kind}");
+        for joint in 1..=6 {
+            let wrong = [reversed(&absolute, joint), counting(&absolute, joint, 4)]
+                .into_iter()
+                .chain([1, 20].map(|halves| counting(&absolute, joint, halves)));
+            for (which, world) in wrong.enumerate() {
+                let refused = zeroed(&of_kind(&world), &right).unwrap_or_default();
+                let is_named =
+                    [" (", ":"].iter().any(|end| refused.contains(&format!("joint {joint}{end}")));
+                assert!(is_named, "{file}, {kind}, joint {joint}, case {which}: {refused}");
+            }
+        }
+    }
+}
+
+#[test]
+fn hazard_51_wrong_fact_of_single_turn_joint_is_refused() {
+    is_verified("single-turn");
+}
+
+#[test]
+fn hazard_51_wrong_fact_of_rest_joint_is_refused() {
+    is_verified("rest");
+}
+
+#[test]
+fn hazard_51_wrong_fact_of_homing_joint_is_refused() {
+    is_verified("homing");
+}
+
 #[test]
 fn right_arm_at_rest_is_armed_and_carried() {
     for (file, rest) in ARMS {
@@ -168,10 +240,16 @@ fn rest_is_required_once_after_each_boot() {
     bench.ask(Request::Arm).unwrap();
     bench.ask(Request::Disarm).unwrap();
     until(&mut bench, |record| record.mode == Mode::Ready);
+    bench.world_mut().set_lays_down(false);
     bench.bring_up().unwrap();
     (0..700).for_each(|_| _ = bench.cycle());
     let Err(RequestError::Unfit(reasons)) = bench.ask(Request::Arm) else { panic!("armed") };
     assert!(matches!(&reasons[..], [Unfit::NotAtRest(_)]), "{reasons:?}");
+    // An operator who lays it down.
+    bench.world_mut().set_lays_down(true);
+    bench.bring_up().unwrap();
+    (0..700).for_each(|_| _ = bench.cycle());
+    bench.ask(Request::Arm).unwrap();
 }
 
 #[test]
@@ -220,15 +298,13 @@ fn coupled_actuator_must_rest_off_its_zero() {
 }
 
 #[test]
-fn shipped_files_that_accept_facts_state_their_rest() {
+fn every_joint_of_a_shipped_file_states_its_rest() {
     let mut accepting = Vec::new();
     for name in HAND_CONTROLLERS {
         let config = config(name);
-        for joint in &config.joints {
-            let accepts = joint.accepted.iter().any(|fact| *fact != Fact::TorqueUnit);
-            assert_eq!(accepts, joint.rest.is_some(), "{name}: {}", joint.name);
-        }
-        if config.joints.iter().any(|joint| joint.rest.is_some()) {
+        assert!(config.joints.iter().all(|joint| joint.rest.is_some()), "{name}");
+        let accepts = |fact: &Fact| *fact != Fact::TorqueUnit;
+        if config.joints.iter().any(|joint| joint.accepted.iter().any(accepts)) {
             accepting.push(name);
         }
     }

@@ -307,8 +307,8 @@ fn static_friction_at_slow_speeds_is_seen_as_falling() {
     let text = fs::read_to_string(KRAFT)
         .unwrap()
         .replace("../eds/", concat!(env!("CARGO_MANIFEST_DIR"), "/eds/"));
-    let (before, joint) = text.split_once("start_deg = 0.0").unwrap();
-    let stiff = format!("{before}simulated = {{ stiction_nm = 0.2 }}\nstart_deg = 0.0{joint}");
+    let (before, joint) = text.split_once("rest_deg = 0.0").unwrap();
+    let stiff = format!("{before}simulated = {{ stiction_nm = 0.2 }}\nrest_deg = 0.0{joint}");
     let config = path.with_file_name("stiff.toml");
     fs::write(&config, stiff).unwrap();
     let config = config.to_str().unwrap();

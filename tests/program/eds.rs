@@ -211,7 +211,7 @@ fn each_error_is_found_at_its_entry() {
         (
             "0x00000F8C\nProductName",
             "0x00000F8D\nProductName",
-            "00000F8Dh, but the default of 1018h:1 is 00000F8Ch",
+            "00000F8Dh, but the default of 1018h:1, which counts, is 00000F8Ch",
         ),
         (
             "HighLimit=8\n",

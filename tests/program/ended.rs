@@ -91,8 +91,8 @@ impl<B: Bus> Bus for SteppedClockBus<B> {
         self.bus.send_at(now, telegram)
     }
 
-    fn wait(&mut self, now: Instant, until: Instant) -> Wake {
-        self.bus.wait(now, until)
+    fn wait(&mut self, now: Instant, from: Instant, until: Instant) -> Wake {
+        self.bus.wait(now, from, until)
     }
 }
 

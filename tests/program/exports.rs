@@ -85,11 +85,27 @@ fn file_is_private_and_the_same_every_time() {
     assert!(stdout.stdout == file.bytes, "stdout has the same bytes");
 }
 
+/// A minute at 1 kHz, of which this is a tenth, took 210 MB.
+#[test]
+fn minute_of_a_session_takes_45_mb_at_most() {
+    let session = session("size", &[]);
+    let file = exported(&session, &[]);
+    assert!(file.bytes.len() < 4_500_000, "{} bytes of 6 s", file.bytes.len());
+    let summary = Summary::read(&file.bytes).unwrap().unwrap();
+    assert!(summary.chunk_indexes.iter().all(|chunk| chunk.compression == "lz4"));
+    for topic in ["/tf", "/frhc/status", TORQUES] {
+        // 100 Hz, and changes of mode.
+        assert!((600..620).contains(&file.count(topic)), "{topic}: {}", file.count(topic));
+    }
+    let full = exported(&session, &["--full-rate"]);
+    assert_eq!((full.count("/tf"), full.count(TORQUES)), (6_000, 6_000));
+}
+
 #[test]
 fn part_of_a_session_has_its_cycles_alone() {
     let session = session("part", &[]);
     let file = exported(&session, &["--from", "1000", "--to", "1499", "--ros-only"]);
-    assert_eq!((file.count(POSITIONS), file.count("/tf"), file.count(TORQUES)), (500, 500, 0));
+    assert_eq!((file.count(POSITIONS), file.count("/tf"), file.count(TORQUES)), (500, 50, 0));
     assert_eq!(file.record("frhc.findings")["cycles"], "500");
 }
 
@@ -99,7 +115,7 @@ fn session_that_replays_otherwise_keeps_what_its_log_has() {
     change_copy(&session, "kraft_like.toml", |text| {
         text.replace("wrench_gain = [0.3, 0.3, 0.3", "wrench_gain = [0.4, 0.4, 0.4")
     });
-    let file = exported(&session, &[]);
+    let file = exported(&session, &["--full-rate"]);
     assert_eq!(
         (file.count(POSITIONS), file.count(WRENCHES), file.count("/tf")),
         (6_000, 6_000, 6_000)
@@ -119,7 +135,7 @@ fn session_without_inputs_or_with_half_a_log_is_exported() {
     let session = session("halves", &[]);
     let log = fs::read(session.join("bus.log")).unwrap();
     fs::write(session.join("bus.log"), &log[..log.len() / 2]).unwrap();
-    let file = exported(&session, &[]);
+    let file = exported(&session, &["--full-rate"]);
     assert_eq!((file.count(POSITIONS), file.count(TORQUES)), (6_000, 6_000));
     assert!(file.notes.contains("bus.log does not have"), "{}", file.notes);
     fs::write(session.join("bus.log"), &log).unwrap();

@@ -23,7 +23,6 @@ mod eds;
 mod eds_check;
 mod eds_damaged;
 mod ended;
-mod experiments;
 mod explain;
 mod exports;
 mod gain_check;

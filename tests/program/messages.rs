@@ -20,17 +20,17 @@ fn errors_of_a_scenario_name_line_and_key() {
     for (entry, reason) in [
         (
             "[[move]]\nat_s = \"x\"",
-            "line 3: move[0].at_s: invalid type: string \"x\", expected f64",
+            "scenario.toml:3: move[0].at_s: invalid type: string \"x\", expected a number",
         ),
         (
             "[[move]]\nat_s = nan\nduration_s = 1.0\nto_m = [0, 0, 0]",
-            "line 2: at_s must be within 0..=5, got NaN",
+            "scenario.toml:2: move[0].at_s: must be within 0..=5, got NaN",
         ),
         (
             "[[fault]]\nat_s = nan\nkind = \"unplug\"\ndevice = \"elbow\"",
-            "line 3: at_s must be within 0..=5, got NaN",
+            "scenario.toml:3: fault[0].at_s: must be within 0..=5, got NaN",
         ),
-        ("seconds = 6.0", "line 2: duplicate key `seconds`"),
+        ("seconds = 6.0", "scenario.toml:2: duplicate key `seconds`"),
     ] {
         let file = scratch.write("scenario.toml", &format!("seconds = 5.0\n{entry}\n"));
         is_refused(&["demo", "--scenario", &file], 3, reason);
@@ -44,11 +44,49 @@ fn file_of_another_kind_is_named_in_one_line() {
     for (args, kind) in [
         (["check", "--config", PUMA], "is the file of a robot, for remote.robot and --robot"),
         (["check", "--config", &scenario], "is a scenario, for --scenario"),
+        (["check", "--config", "eds/frhc_drive.eds"], "is an EDS or DCF; `frhc check --eds FILE`"),
+        (["check", "--eds", KRAFT], "is the configuration of a hand controller"),
         (["explain", "robot", KRAFT], "is the configuration of a hand controller"),
+        (
+            ["demo", "--scenario", KRAFT],
+            "kraft_like.toml: is the configuration of a hand controller",
+        ),
+        (
+            ["demo", "--scenario", PUMA],
+            "puma560.toml: is the file of a robot, for remote.robot and --robot",
+        ),
     ] {
         is_refused(&args, 3, kind);
         assert_eq!(frhc(&args).stderr.lines().count(), 1, "{args:?}");
     }
+}
+
+#[test]
+fn encoding_of_a_file_that_is_no_text_is_named_with_its_line() {
+    let scratch = Scratch::new("encodings");
+    let text = "seconds = 5.0\n# H\u{E4}nd\n";
+    let latin: Vec<u8> = text.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect();
+    let utf_16: Vec<u8> =
+        format!("\u{FEFF}{text}").encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let binary = [&b"\x7FELF\n"[..], &[0; 40]].concat();
+    for (content, reason) in [
+        (latin, "any.toml:2: byte E4h is not UTF-8; the file seems to be Latin-1 or Windows-1252"),
+        (utf_16, "any.toml:1: is UTF-16, by its byte order mark: save the file as UTF-8"),
+        (binary, "any.toml:2: byte 00h is not text: it seems to be a binary file"),
+    ] {
+        let file = scratch.path("any.toml");
+        fs::write(&file, content).unwrap();
+        for args in [
+            ["check", "--config", &file],
+            ["explain", "robot", &file],
+            ["demo", "--scenario", &file],
+        ] {
+            is_refused(&args, 3, reason);
+        }
+    }
+    let marked = format!("\u{FEFF}{}", fs::read_to_string(format!("{ROOT}/{PUMA}")).unwrap());
+    let file = scratch.write("marked.toml", &marked);
+    assert_eq!(frhc(&["explain", "robot", &file]).code, 0);
 }
 
 #[test]
@@ -75,10 +113,18 @@ fn hostile_values_are_escaped_and_cut() {
 
 #[test]
 fn numbers_of_options_are_refused_in_plain_words() {
-    for (value, reason) in
-        [("x", "expected a whole number"), ("99999999999999999999999", "the number is too large")]
-    {
+    for (value, reason) in [
+        ("x", "expected a whole number, 0 or above"),
+        ("99999999999999999999999", "the number is too large"),
+    ] {
         is_refused(&["demo", "--seed", value], 2, reason);
+    }
+    for command in ["demo", "campaign"] {
+        is_refused(
+            &[command, "--seed", "-1"],
+            2,
+            "'-1' for '--seed <N>': expected a whole number, 0 or above",
+        );
     }
     is_refused(&["campaign", "--faults", "0"], 2, "must be at least 1, got 0");
     is_refused(&["explain", "--q", "1,x,3,4,5,6"], 2, "expected a number, got \"x\"");
@@ -101,7 +147,6 @@ fn robot_that_cannot_hold_itself_is_refused() {
 #[test]
 fn results_that_cannot_be_written_are_refused_before_computing() {
     for args in [
-        ["experiment", "fidelity", "--out", "/proc/frhc"],
         ["campaign", "--faults=20", "--out", "/proc/frhc"],
         ["demo", "--quiet", "--out", "/proc/frhc"],
     ] {

@@ -56,6 +56,43 @@ fn hazard_18_truncated_eds_is_refused_where_check_finds_errors() {
     is_refused(&folder, &["joint[0].eds", "the file ends inside a section; frhc check --eds"]);
 }
 
+#[test]
+fn miscount_of_the_last_object_is_no_truncated_file() {
+    let eds = fs::read_to_string("eds/frhc_drive.eds").unwrap();
+    let folder = installation("miscounted_last", KRAFT_TEXT);
+    let (file, config) = (folder.join("eds/frhc_drive.eds"), folder.join("config/arm.toml"));
+    let part = "ParameterName=a\nObjectType=0x7\nDataType=0x0005\nAccessType=ro\nPDOMapping=0\n";
+    let last =
+        format!("[2F00]\nParameterName=a\nObjectType=0x9\nSubNumber=8\n\n[2F00sub7]\n{part}");
+    fs::write(&file, format!("{eds}\n{last}")).unwrap();
+    let ended = frhc(&["check", "--config", config.to_str().unwrap()]);
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    let warning =
+        "2F00h SubNumber: 8, but 1 sub-indices are described; nothing that is used is missing";
+    assert!(ended.stdout.contains(warning), "{}", ended.stdout);
+    // A file that was cut there lacks the objects behind it.
+    let (before, _) = eds.split_once("[67FF]\n").unwrap();
+    fs::write(&file, format!("{before}{last}")).unwrap();
+    is_refused(&folder, &["joint[0].eds", "the file ends inside a section; frhc check --eds"]);
+}
+
+#[test]
+fn identity_object_counts_where_the_device_info_contradicts_it() {
+    let eds = fs::read_to_string("eds/frhc_drive.eds").unwrap();
+    let folder = installation("identities", KRAFT_TEXT);
+    let (file, config) = (folder.join("eds/frhc_drive.eds"), folder.join("config/arm.toml"));
+    let vendor = "VendorNumber=0x00000F8C";
+    assert!(eds.contains(vendor));
+    fs::write(&file, eds.replacen(vendor, "VendorNumber=0x0000002A", 1)).unwrap();
+    let ended = frhc(&["check", "--config", config.to_str().unwrap()]);
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    let mut lines = ended.stdout.lines().filter(|line| line.starts_with("eds "));
+    let (line, another) = (lines.next().unwrap(), lines.next());
+    assert_eq!(another, None);
+    let words = "warning: [DeviceInfo] VendorNumber: 0000002Ah, but the default of 1018h:1, which counts, is 00000F8Ch";
+    assert!(line.ends_with(words), "{line}");
+}
+
 /// Returns a copy of the drive's EDS without the section of an object, which its list announces.
 fn without_section(index: &str) -> String {
     let eds = fs::read_to_string("eds/frhc_drive.eds").unwrap();

@@ -7,6 +7,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use socket2::{Domain, SockAddr, Socket, Type};
 
+use crate::common::linked::{LINK, linked, with_model};
 use crate::common::prelude::*;
 use bus::clock;
 use contract::{Feedback, Motion, NodeEnd, Order, Reason};
@@ -137,6 +138,24 @@ fn configured_wrench_limit_holds_the_robot_process() {
 
 fn command<'a>(config: &'a str, socket: &'a str) -> Vec<&'a str> {
     vec!["robot", "--config", config, "--robot", PUMA, "--socket", socket]
+}
+
+#[test]
+fn file_of_the_node_serves_its_robot_process_too() {
+    let scratch = Scratch::new("robot-one-file");
+    let limited = format!("wrench_limit_n = 40.0\n{LINK}");
+    let both = with_model("kraft_like").replacen(LINK, &limited, 1);
+    for (kind, text) in [("link", linked("kraft_like", LINK)), ("both", both)] {
+        let eds = format!("\"{}/eds/", env!("CARGO_MANIFEST_DIR"));
+        let file = scratch.write(kind, &text.replace("\"../eds/", &eds));
+        let checked = frhc(&["check", "--config", &file]);
+        assert_eq!(checked.code, 0, "{}", checked.stderr);
+        let socket = scratch.path(&format!("{kind}.sock"));
+        let mut node = Node::at(&socket, 7);
+        let robot = scratch.frhc(&command(&file, &socket));
+        node.until(Some(Motion::Hold), |node| node.end.capability().is_some());
+        robot.terminate().succeeds();
+    }
 }
 
 #[test]

@@ -48,7 +48,21 @@ fn robots_that_cannot_be_simulated_are_refused() {
     refused(&other, &["--robot", PUMA], &[&other, "remote.kind", "\"magic\""]);
     let text = linked("kraft_like", LINK).replace("\"../eds/", &format!("\"{ROOT}/eds/"));
     let node = scratch.write("node.toml", &text);
-    refused(&node, &["--robot", PUMA], &[&node, "remote.kind: \"link\"", "set \"virtual\""]);
+    refused(&node, &[], &[&node, "remote.robot: absent; give --robot FILE"]);
+}
+
+#[test]
+fn simulations_name_the_kind_of_the_far_side_they_refuse() {
+    let scratch = Scratch::new("robot-kinds");
+    for (kind, text) in [("link", linked("kraft_like", LINK)), ("both", with_model("kraft_like"))] {
+        let file = scratch.write(kind, &text.replace("\"../eds/", &format!("\"{ROOT}/eds/")));
+        let named = format!("remote.kind: \"{kind}\"");
+        is_refused(&["campaign", "--config", &file], 3, &[&file, &named, "set \"virtual\""]);
+        let biased = text.replacen("[remote]\n", "[remote]\nsensor_bias_n = [1.0, 0.0, 0.0]\n", 1);
+        let file = scratch.write(kind, &biased.replace("\"../eds/", &format!("\"{ROOT}/eds/")));
+        let named = format!("with kind = \"{kind}\" the far side has it");
+        is_refused(&["check", "--config", &file], 3, &["remote.sensor_bias_n: ", &named]);
+    }
 }
 
 #[test]

@@ -10,9 +10,9 @@ fn check_and_plan_print_the_facts_of_each_joint() {
         let ended = frhc(&[command, "--config", FILE]);
         assert_eq!(ended.code, 0, "{}", ended.stderr);
         for line in [
-            "facts elbow            sign stated only, position scale stated only, torque unit verified by 6076h",
+            "facts all joints       sign stated only, position scale stated only, torque unit verified by 6076h",
             "rest  elbow            at 95.0°, within 5.0°, when armed for the first time after a boot",
-            "stops elbow            by heartbeat 22 ms: at most 10.0 N at the grip, half of what the timers allow",
+            "stops all joints       by heartbeat 22 ms: at most 10.0 N at the grip, half of what the timers allow",
         ] {
             assert!(ended.stdout.lines().any(|it| it == line), "{command}: {}", ended.stdout);
         }

@@ -5,6 +5,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixListener;
 use std::thread;
 
+use crate::common::cli::onto;
 use crate::common::prelude::*;
 
 /// Commands that print data without a CAN interface. `SOCKET`, `FEED`, `FOLDER`, `DATA` and `SWEEP` are replaced.
@@ -18,8 +19,6 @@ const PRINTING: &[&str] = &[
     "campaign --faults 1 --only emergency --threads 1 --json",
     "campaign --replay 1 --out FOLDER/replay",
     "campaign --soak 100 --threads 1",
-    "experiment ntrfc --short",
-    "experiment ntrfc --short --json",
     "ctl status --socket SOCKET",
     "ctl arm --socket SOCKET",
     "ctl scale motion 0.5 --socket SOCKET",
@@ -35,7 +34,6 @@ const PRINTING: &[&str] = &[
     "explain faults",
     "explain robot config/robots/puma560.toml",
     "explain robot config/robots/puma560.toml --json",
-    "explain peg {\"poses\":[[0,0,0.01,0,0]]}",
     "calib fit DATA",
     "calib fit DATA --json",
     "calib friction SWEEP --config config/kraft_like.toml",
@@ -67,15 +65,6 @@ const WITH_A_NODE: &[&str] = &["robot"];
 
 /// Commands that serve until a signal: [`view`](crate::view) runs them.
 const SERVING: &[&str] = &["view"];
-
-/// Runs a command with this stdout.
-fn onto(stdout: impl Into<Stdio>, args: &[String]) -> CommandOutput {
-    let mut command = Command::new(crate::common::program());
-    let command = command.args(args).stdin(Stdio::null()).stdout(stdout).stderr(Stdio::piped());
-    let output = command.output().unwrap();
-    let stderr = String::from_utf8(output.stderr).unwrap();
-    CommandOutput { code: output.status.code().unwrap(), stdout: String::new(), stderr }
-}
 
 /// Starts a node that grants every request, one client after the other.
 fn node_at(socket: &Path) {
@@ -168,27 +157,29 @@ fn closed_stdout_fails_no_command() {
 #[test]
 fn every_command_is_tested_for_failing_output() {
     let help = frhc(&["--help"]).stdout;
-    let commands = help.lines().skip_while(|line| *line != "Commands:").skip(1);
-    let commands = commands.take_while(|line| !line.is_empty());
-    // Deeper lines continue a description.
-    let commands = commands.filter(|line| !line.starts_with("   "));
-    for command in commands.filter_map(|line| line.split_whitespace().next()) {
+    let commands: Vec<_> = listed(&help).collect();
+    assert!(commands.len() > 20, "{commands:?}");
+    for command in commands {
         let is_tested = |line: &&str| line.split(' ').next() == Some(command);
         let mut rows = PRINTING.iter().chain(ON_A_BUS).chain(WITH_A_NODE).chain(SERVING);
         assert!(rows.any(is_tested), "{command}");
     }
 }
 
+/// Returns the commands that a help page lists. Deeper lines continue a description.
+fn listed(page: &str) -> impl Iterator<Item = &str> {
+    let above = page.lines().take_while(|line| *line != "Options:");
+    let rows = above.filter_map(|line| line.strip_prefix("  "));
+    let rows = rows.filter(|row| row.starts_with(|first: char| first.is_ascii_lowercase()));
+    rows.filter_map(|row| row.split_whitespace().next()).filter(|name| *name != "help")
+}
+
 /// Returns the help pages of a command and its subcommands.
 fn help_pages(command: &[String]) -> Vec<(String, String)> {
     let page = frhc(&[command, &["--help".to_owned()]].concat()).stdout;
-    let listed = page.lines().skip_while(|line| *line != "Commands:").skip(1);
-    let names = listed.take_while(|line| !line.is_empty()).filter(|line| line.starts_with("  "));
-    let names = names.filter(|line| !line.starts_with("   "));
-    let names =
-        names.filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help");
-    let below: Vec<_> =
-        names.flat_map(|name| help_pages(&[command, &[name.to_owned()]].concat())).collect();
+    let below: Vec<_> = listed(&page)
+        .flat_map(|name| help_pages(&[command, &[name.to_owned()]].concat()))
+        .collect();
     [vec![(command.join(" "), page.clone())], below].concat()
 }
 
@@ -253,6 +244,10 @@ fn unknown_scenario_lists_the_shipped_ones() {
         2,
         &["unknown scenario; did you mean faults/unplug?"],
     );
+    let meant = ["unknown scenario; did you mean contact_10s?"];
+    is_refused(&["demo", "--scenario", "contact10s"], 2, &meant);
+    let listen = ["expected ADDRESS:PORT, as 127.0.0.1:8020"];
+    is_refused(&["demo", "--view", "--listen", "8020"], 2, &listen);
     is_refused(&["demo", "--scenario", "nope.toml"], 3, &["nope.toml: No such file"]);
 }
 

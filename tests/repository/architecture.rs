@@ -1,5 +1,5 @@
-//! ARCHITECTURE.md against the sources: the table of rooms matches the manifests, files have no circular imports, rooms
-//! without side effects name no I/O, clock or log, and object indices are only in `canopen`.
+//! ARCHITECTURE.md against the sources: drawing and tables have every room, dependencies run down the drawing, files have
+//! no circular imports, rooms without side effects name no I/O, clock or log, and object indices are only in `canopen`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -34,21 +34,19 @@ const IMPURE: &[&str] = &[
 ];
 
 #[test]
-fn table_of_rooms_matches_the_manifests() {
-    let in_manifests = rooms().map(|room| (room.clone(), dependencies(&room))).collect();
-    assert_eq!(documented_rooms(), in_manifests);
+fn map_has_each_room_once_in_drawing_and_tables() {
+    let rooms: Vec<String> = rooms().collect::<BTreeSet<_>>().into_iter().collect();
+    let mut in_tables = documented_rooms();
+    in_tables.sort();
+    assert_eq!(in_tables, rooms);
+    let levels = levels();
+    let drawn: Vec<&String> = levels.keys().filter(|room| *room != "frhc").collect();
+    assert_eq!(drawn, rooms.iter().collect::<Vec<_>>());
 }
 
 #[test]
 fn room_depends_only_on_rooms_of_lower_levels() {
-    let text = fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
-    let plan = text.split("```text").find(|block| block.contains("the rack, src/")).unwrap();
-    let mut level = BTreeMap::new();
-    for line in plan.lines() {
-        let mut words = line.split([' ', '·']).filter(|word| !word.is_empty());
-        let Some(Ok(number)) = words.next().map(str::parse::<u32>) else { continue };
-        level.extend(words.map(|name| (name.to_owned(), number)));
-    }
+    let level = levels();
     let mut checked = 0;
     for room in rooms() {
         for below in dependencies(&room) {
@@ -79,12 +77,10 @@ fn every_room_has_the_lints_and_no_automatic_targets() {
 fn every_room_is_a_workspace_member() {
     let text = fs::read_to_string(root().join("Cargo.toml")).unwrap();
     let manifest: toml::Table = text.parse().unwrap();
-    for list in ["members", "default-members"] {
-        let listed = manifest["workspace"][list].as_array().unwrap().iter();
-        let listed = listed.filter_map(toml::Value::as_str).filter(|path| *path != ".");
-        let listed: BTreeSet<PathBuf> = listed.map(|path| root().join(path)).collect();
-        assert_eq!(listed, rooms().map(|room| folder(&room)).collect(), "{list}");
-    }
+    let listed = manifest["workspace"]["members"].as_array().unwrap().iter();
+    let listed = listed.filter_map(toml::Value::as_str).filter(|path| *path != ".");
+    let listed: BTreeSet<PathBuf> = listed.map(|path| root().join(path)).collect();
+    assert_eq!(listed, rooms().map(|room| folder(&room)).collect());
 }
 
 #[test]
@@ -101,9 +97,11 @@ fn pure_rooms_have_no_side_effects_and_no_object_indices() {
 }
 
 #[test]
-fn files_of_a_room_have_no_circular_imports() {
+fn files_of_a_crate_have_no_circular_imports() {
+    let beside = ["lab/src", "link/src"].map(|folder| root().join(folder));
+    let folders = rooms().map(|room| folder(&room)).chain(beside);
     let mut circles: BTreeMap<_, _> =
-        rooms().map(|room| (room.clone(), in_cycles(imports(&room)))).collect();
+        folders.map(|folder| (folder.clone(), in_cycles(imports(&modules(&folder))))).collect();
     circles.retain(|_, left| !left.is_empty());
     assert!(circles.is_empty(), "{circles:#?}");
 }
@@ -123,6 +121,46 @@ fn circular_imports_are_found() {
     let circle = [tree.as_slice(), &[("b", "c"), ("c", "a"), ("c", "d")]].concat();
     let found: Vec<String> = in_cycles(graph(&circle)).into_keys().collect();
     assert_eq!(found, ["a", "b", "c"]);
+}
+
+#[test]
+fn imports_are_read_by_every_path_to_a_module() {
+    let imports_with = |c: &str| {
+        let texts = [
+            ("", "pub use a::b::B;\npub(crate) use a::b as other;\n"),
+            ("a", "pub use b::B as C;\n\nuse b::D;\n"),
+            ("a::b", "pub struct B;\n"),
+            ("a::c", c),
+            ("d", ""),
+        ];
+        let texts = texts.map(|(module, text)| (module.to_owned(), text.to_owned()));
+        imports(&texts.into_iter().collect())
+    };
+    let of_c = |text: &str| imports_with(text)["a::c"].iter().cloned().collect::<Vec<_>>();
+    for (text, found) in [
+        ("use crate::{\n    a::b::D,\n    d::E,\n};", vec!["a::b", "d"]),
+        ("use super::F;", vec!["a"]),
+        ("use super::super::d;", vec!["d"]),
+        ("use super::super::B;", vec!["a::b"]),
+        ("use super::C;", vec!["a::b"]),
+        ("use crate::other::D;", vec!["a::b"]),
+        ("fn f(d: &crate::d::E) {\n    super::g(d);\n}", vec!["a", "d"]),
+        ("use std::fmt;\nuse d::E;\n// crate::d\n", vec![]),
+        ("#[cfg(test)]\nmod tests {\n    use super::super::F;\n}\n", vec![]),
+    ] {
+        assert_eq!(of_c(text), found, "{text}");
+    }
+    assert_eq!(imports_with("")["a"].iter().collect::<Vec<_>>(), ["a::b"]);
+    assert!(imports_with("")[""].is_empty());
+    let circle: Vec<String> = in_cycles(
+        imports_with("")
+            .into_iter()
+            .chain([("a::b".to_owned(), BTreeSet::from(["a".to_owned()]))])
+            .collect(),
+    )
+    .into_keys()
+    .collect();
+    assert_eq!(circle, ["a", "a::b"]);
 }
 
 #[test]
@@ -177,18 +215,29 @@ fn side_effects_and_object_indices_are_found() {
     );
 }
 
-/// Returns the rooms of the table in ARCHITECTURE.md with their dependencies.
-fn documented_rooms() -> BTreeMap<String, BTreeSet<String>> {
-    let text = fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
-    let rooms = text.split("## Rooms").nth(1).unwrap().split("## Invariants").next().unwrap();
-    let rows = rooms.lines().filter(|line| line.starts_with("| `"));
-    let row = |line: &str| {
-        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
-        let room = cells[1].trim_matches('`').to_owned();
-        let below = cells[3].split('`').skip(1).step_by(2).map(str::to_owned);
-        (room, below.collect())
-    };
-    rows.map(row).collect()
+fn map() -> String {
+    fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap()
+}
+
+/// Returns the rooms of the drawing in ARCHITECTURE.md with their levels.
+fn levels() -> BTreeMap<String, u32> {
+    let map = map();
+    let plan = map.split("```text").find(|block| block.contains("the rack, src/")).unwrap();
+    let mut levels = BTreeMap::new();
+    for line in plan.split("```").next().unwrap().lines() {
+        let mut words = line.split([' ', '·']).filter(|word| !word.is_empty());
+        let Some(Ok(level)) = words.next().map(str::parse::<u32>) else { continue };
+        levels.extend(words.map(|name| (name.to_owned(), level)));
+    }
+    levels
+}
+
+/// Returns the rooms of the tables in ARCHITECTURE.md, in their order.
+fn documented_rooms() -> Vec<String> {
+    let map = map();
+    let rooms = map.split("## Rooms").nth(1).unwrap().split("\n## ").next().unwrap();
+    let rows = rooms.lines().filter_map(|line| line.strip_prefix("| `")?.split_once("` |"));
+    rows.map(|(room, _)| room.to_owned()).collect()
 }
 
 /// Returns the folders of `src/` and `src/bench/` that are crates.
@@ -327,25 +376,87 @@ fn is_comment(line: &str) -> bool {
 /// The modules of a room with the modules that each imports.
 type Imports = BTreeMap<String, BTreeSet<String>>;
 
-fn imports(room: &str) -> Imports {
-    let folder = folder(room);
+/// The modules of a crate in `folder`, `""` for its root, with their texts.
+fn modules(folder: &Path) -> BTreeMap<String, String> {
     let module = |file: &Path| {
-        let path = file.strip_prefix(&folder).unwrap().with_extension("");
+        let path = file.strip_prefix(folder).unwrap().with_extension("");
         let parts = path.iter().map(|part| part.to_str().unwrap());
         parts.filter(|part| !["lib", "mod"].contains(part)).collect::<Vec<_>>().join("::")
     };
-    let texts: BTreeMap<String, String> = sources(room)
-        .iter()
-        .map(|file| (module(file), fs::read_to_string(file).unwrap()))
-        .collect();
-    let imported = |(module, text): (&String, &String)| {
+    let files = rust_files(folder.to_path_buf());
+    files.iter().map(|file| (module(file), fs::read_to_string(file).unwrap())).collect()
+}
+
+/// Returns which modules each module names: every `use`, and paths in code from `crate`, `self` or `super`. What is re-exported counts where it is defined, so a
+/// `mod.rs` may re-export parts that import from it.
+fn imports(texts: &BTreeMap<String, String>) -> Imports {
+    let mut exports = BTreeMap::new();
+    let mut named = BTreeMap::<&String, Vec<String>>::new();
+    for (module, text) in texts {
         let production = ungrouped(&production(text));
-        let lines = production.lines().filter_map(|line| line.trim().strip_prefix("use crate::"));
-        let paths = lines.filter_map(|line| line.trim_end_matches(';').split(" as ").next());
-        let named = paths.map(|path| file_of(path, &texts));
-        (module.clone(), named.filter(|named| named != module).collect())
-    };
-    texts.iter().map(imported).collect()
+        let paths = named.entry(module).or_default();
+        for line in production.lines().map(str::trim).filter(|line| !is_comment(line)) {
+            let Some((start, path)) = line.trim_end_matches(';').split_once("use ") else {
+                let words = line.split(|c: char| !c.is_alphanumeric() && !"_:".contains(c));
+                let words = words.filter(|word| {
+                    ["crate::", "self::", "super::"].iter().any(|start| word.starts_with(start))
+                });
+                paths.extend(words.filter_map(|word| absolute(module, word, texts)));
+                continue;
+            };
+            let (path, alias) = path.split_once(" as ").unwrap_or((path, ""));
+            let Some(path) = absolute(module, path, texts) else { continue };
+            if start.starts_with("pub") {
+                let last = path.rsplit("::").next().unwrap_or_default();
+                let name = if alias.is_empty() { last } else { alias };
+                exports.insert(joined(module, name), path);
+            } else {
+                paths.push(path);
+            }
+        }
+    }
+    let modules = named.into_iter().map(|(module, paths)| {
+        let below = paths.iter().map(|path| file_of(&defined(path, &exports), texts));
+        (module.clone(), below.filter(|below| below != module).collect())
+    });
+    modules.collect()
+}
+
+/// Returns the path from the root of the room; `None` for one that leads into another crate.
+fn absolute(module: &str, path: &str, texts: &BTreeMap<String, String>) -> Option<String> {
+    let (first, mut rest) = path.split_once("::")?;
+    match first {
+        "crate" => Some(rest.to_owned()),
+        "self" => Some(joined(module, rest)),
+        "super" => {
+            let outer =
+                |inner: &str| inner.rsplit_once("::").map_or("", |(outer, _)| outer).to_owned();
+            let mut above = outer(module);
+            while let Some(further) = rest.strip_prefix("super::") {
+                (above, rest) = (outer(&above), further);
+            }
+            Some(joined(&above, rest))
+        }
+        child => texts.contains_key(&joined(module, child)).then(|| joined(module, path)),
+    }
+}
+
+fn joined(module: &str, path: &str) -> String {
+    if module.is_empty() { path.to_owned() } else { format!("{module}::{path}") }
+}
+
+/// Returns where the item at `path` is defined, behind every re-export.
+fn defined(path: &str, exports: &BTreeMap<String, String>) -> String {
+    let mut path = path.to_owned();
+    for _ in 0..8 {
+        let exported = |(name, target): (&String, &String)| {
+            let rest = path.strip_prefix(name)?;
+            (rest.is_empty() || rest.starts_with("::")).then(|| format!("{target}{rest}"))
+        };
+        let Some(next) = exports.iter().rev().find_map(exported) else { break };
+        path = next;
+    }
+    path
 }
 
 /// Returns the module of `texts` that contains the item at `path`.

@@ -9,8 +9,15 @@ const SUMMARY: &str = "docs/SUMMARY.md";
 const INDEX: &str = "docs/adr/index.md";
 
 /// Pages outside of the book whose links are checked, too.
-const OTHERS: [&str; 6] =
-    ["README.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "SECURITY.md", "STYLE.md", "CHANGELOG.md"];
+const OTHERS: [&str; 7] = [
+    "README.md",
+    "CONTRIBUTING.md",
+    "ARCHITECTURE.md",
+    "SECURITY.md",
+    "STYLE.md",
+    "CHANGELOG.md",
+    "lab/README.md",
+];
 
 #[test]
 fn summary_lists_every_page_once() {
@@ -42,6 +49,23 @@ fn every_link_and_anchor_resolves() {
     assert!(checked > 100, "{checked} links");
 }
 
+#[test]
+fn simulated_runs_of_the_pages_have_a_latch_of_their_own() {
+    let pages = pages::book().into_iter().chain(OTHERS.into_iter().map(Page::read));
+    let mut checked = 0;
+    for page in pages {
+        for block in page.text.split("```sh\n").skip(1).filter_map(|rest| rest.split("```").next())
+        {
+            if block.contains("frhc sim ") && block.contains("frhc run ") {
+                checked += 1;
+                let has_latch = block.contains("STATE_DIRECTORY=");
+                assert!(has_latch, "{}: no STATE_DIRECTORY in\n{block}", page.path.display());
+            }
+        }
+    }
+    assert!(checked > 3, "{checked} blocks");
+}
+
 /// Why a link leads nowhere.
 fn unresolved(page: &Page, link: &str) -> Option<&'static str> {
     let (path, anchor) = page.target(link);
@@ -62,7 +86,7 @@ fn unresolved(page: &Page, link: &str) -> Option<&'static str> {
 }
 
 #[test]
-fn every_adr_has_a_status_and_a_date_that_the_index_repeats() {
+fn every_adr_has_a_date_and_a_status_that_the_index_repeats() {
     let index = Page::read(INDEX);
     let adrs = pages::book().into_iter().filter(|page| page.path.starts_with("docs/adr"));
     let adrs: Vec<Page> = adrs.filter(|page| page.path != Path::new(INDEX)).collect();
@@ -75,7 +99,8 @@ fn every_adr_has_a_status_and_a_date_that_the_index_repeats() {
         assert!(["accepted", "superseded"].contains(&&*status), "{name}: status {status}");
         let title = adr.headings().next().unwrap();
         let (number, title) = title.split_once(". ").unwrap();
-        let row = format!("| {number} | [{title}]({name}) | {date} | {status} |");
+        let remark = if status == "superseded" { ", superseded" } else { "" };
+        let row = format!("| {number} | [{title}]({name}){remark} |");
         assert!(index.prose().any(|line| line == row), "{INDEX} must have the row\n{row}");
     }
     let rows = index.prose().filter(|line| line.contains(" | [")).count();

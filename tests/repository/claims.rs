@@ -3,7 +3,7 @@
 /// Number, subject and promised reaction or figure.
 pub(crate) type Claim = (u8, &'static str, &'static str);
 
-pub(crate) const HAZARDS: [Claim; 50] = [
+pub(crate) const HAZARDS: [Claim; 51] = [
     (
         1,
         "A drive loses its power or its cable",
@@ -195,6 +195,12 @@ pub(crate) const HAZARDS: [Claim; 50] = [
         "The input of the gripper is silent, out of its range, or contradicts itself",
         "the gripper stays where it was commanded in the next cycle; out of range or contradictory, no reflection after 100 ms, \
          the counts or bits named; a glitch does not count, as invalid time must exceed valid time by 25 ms",
+    ),
+    (
+        51,
+        "The zero of a joint was never set, or is lost",
+        "no torque before it is known, a lost one refuses arming; lost under torque, zero torque within 2 cycles; a homing moves no \
+         joint by more than 1° and no drive exerts more than 50 ‰",
     ),
 ];
 

@@ -1,7 +1,8 @@
-//! docs/safety.md against the tests: every hazard, promise and property has a test, and the page lists them.
+//! docs/safety.md against the tests: every hazard, promise and property has a test, which docs/safety-tests.md lists.
 //!
 //! The name of a test begins with the claims it covers: `hazard_12_…`, `promise_08_…`,
-//! `hazard_40_and_property_05_…`. `GOLDEN=write cargo test --test repository` rewrites the page's lists.
+//! `hazard_40_and_property_05_…`. `GOLDEN=write cargo test --test repository` rewrites the tables of the one page and the
+//! lists of the other.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -12,8 +13,9 @@ use campaign::catalogue;
 use campaign::expectation::{EXPECTATIONS, Expectation};
 
 const PAGE: &str = "docs/safety.md";
+const TESTS_PAGE: &str = "docs/safety-tests.md";
 
-/// The part of the page after this line is generated.
+/// The part of a page after this line is generated.
 const MARK: &str = "<!-- from here on written by: GOLDEN=write cargo test --test repository -->\n";
 
 /// Families of claims: prefix of test names, title of the list, and claims.
@@ -93,14 +95,32 @@ fn sources(folder: &Path, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// Returns the lists of the page.
+/// Returns the tables of promises and hazards, each row with a link to its tests.
+fn tables() -> String {
+    let mut lines = Vec::new();
+    for (family, title, claims) in FAMILIES.iter().filter(|(family, ..)| *family != "property") {
+        lines.push(format!("\n## {title}\n\n| | | figure | tests |\n|--:|---|---|---|"));
+        lines.extend(claims.iter().map(|(number, what, figure)| {
+            format!("| {number} | {what} | {figure} | [tests]({}) |", link(family, *number))
+        }));
+    }
+    lines.join("\n") + "\n"
+}
+
+/// Returns the link from [`PAGE`] to the tests of a claim.
+fn link(family: &str, number: u8) -> String {
+    format!("safety-tests.md#{family}-{number}")
+}
+
+/// Returns the lists of tests, by claim.
 fn lists(tests: &BTreeMap<ClaimId, Vec<Test>>) -> String {
     let mut lines = Vec::new();
     for (family, title, claims) in FAMILIES {
         lines.push(format!("\n## {title}\n"));
         for (number, what, figure) in claims {
             let figure = if figure.is_empty() { String::new() } else { format!(": {figure}") };
-            lines.push(format!("**{number}. {what}**{figure}.\n"));
+            let (first, rest) = family.split_at(1);
+            lines.push(format!("### {}{rest} {number}\n\n{what}{figure}.\n", first.to_uppercase()));
             let injected = injected(*number);
             if family == "hazard" && !injected.is_empty() {
                 lines.push(format!("Injected by the campaign: {}.\n", injected.join("; ")));
@@ -122,9 +142,9 @@ fn injected(hazard: u8) -> Vec<&'static str> {
 fn every_expectation_of_the_campaign_has_the_limit_of_the_page() {
     let page = fs::read_to_string(PAGE).unwrap();
     for Expectation { hazard, limit, without_timer, .. } in EXPECTATIONS {
-        let heading = format!("**{hazard}. ");
+        let begin = format!("| {hazard} | ");
         let (_, hazards) = page.split_once("\n## Hazards\n").unwrap();
-        let line = hazards.lines().find(|line| line.starts_with(&heading)).unwrap();
+        let line = hazards.lines().find(|line| line.starts_with(&begin)).unwrap();
         for limit in [Some(*limit), *without_timer].into_iter().flatten() {
             assert!(line.contains(&limit.to_string()), "{limit:?} is not the limit of: {line}");
         }
@@ -155,19 +175,21 @@ fn every_number_in_a_test_name_is_a_claim() {
 }
 
 #[test]
-fn page_lists_the_existing_tests() {
-    let page = fs::read_to_string(PAGE).unwrap();
-    let (head, found) = page.split_once(MARK).unwrap();
-    let expected = lists(&tests());
-    if std::env::var_os("GOLDEN").is_some_and(|golden| golden == "write") {
-        fs::write(PAGE, format!("{head}{MARK}{expected}")).unwrap();
-        return;
+fn pages_have_the_claims_and_the_existing_tests() {
+    for (path, expected) in [(PAGE, tables()), (TESTS_PAGE, lists(&tests()))] {
+        let page = fs::read_to_string(path).unwrap();
+        let (head, found) = page.split_once(MARK).unwrap();
+        if std::env::var_os("GOLDEN").is_some_and(|golden| golden == "write") {
+            fs::write(path, format!("{head}{MARK}{expected}")).unwrap();
+            continue;
+        }
+        let mut lines = found.lines().zip(expected.lines());
+        let differs = lines.find(|(found, expected)| found != expected);
+        assert!(
+            found == expected,
+            "{path}: {differs:?}; rewrite it with GOLDEN=write cargo test --test repository"
+        );
     }
-    let differs = found.lines().zip(expected.lines()).find(|(found, expected)| found != expected);
-    assert!(
-        found == expected,
-        "{PAGE}: {differs:?}; rewrite it with GOLDEN=write cargo test --test repository"
-    );
 }
 
 #[test]

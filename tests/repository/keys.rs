@@ -73,25 +73,32 @@ pub(crate) fn rows() -> BTreeMap<Key, Row> {
     rows_of(PAGE)
 }
 
-/// Returns the keys of a page; the keys of `## Whole file` are in no section.
+/// Returns the keys of a page; the keys of `## Whole file` are in no section. A heading may name several sections, and a row
+/// several keys.
 fn rows_of(page: &str) -> BTreeMap<Key, Row> {
     let page = Page::read(page);
     let mut rows = BTreeMap::new();
-    let mut section = String::new();
+    let mut sections = vec![String::new()];
     for line in page.prose() {
         if let Some(heading) = line.strip_prefix('#') {
-            section = heading.trim_matches(['#', ' ', '[', ']']).replace("Whole file", "");
+            let names = heading.split(", ").map(|name| name.trim_matches(['#', ' ', '[', ']']));
+            sections = names.map(|name| name.replace("Whole file", "")).collect();
         } else if let Some(row) = line.strip_prefix("| `") {
             let Some((key, row)) = row.split_once("` | ") else { continue };
             let cells: Vec<&str> = row.trim_end_matches('|').split(" | ").map(str::trim).collect();
             let [_unit, range, default, _effect] = *cells else {
-                assert!(section.is_empty() || section.contains(' '), "{section}: {line}");
+                assert!(sections.concat().is_empty() || sections[0].contains(' '), "{line}");
                 continue;
             };
-            assert!(cells.iter().all(|cell| !cell.is_empty()), "{section}: {line}");
-            let [range, default] = [range, default].map(str::to_owned);
-            let known = rows.insert((section.clone(), key.to_owned()), Row { range, default });
-            assert!(known.is_none(), "{section}: {key} stands twice");
+            assert!(cells.iter().all(|cell| !cell.is_empty()), "{sections:?}: {line}");
+            for (section, key) in sections
+                .iter()
+                .flat_map(|section| key.split("`, `").map(|key| (section.clone(), key.to_owned())))
+            {
+                let row = Row { range: range.to_owned(), default: default.to_owned() };
+                let known = rows.insert((section, key), row);
+                assert!(known.is_none(), "{sections:?}: twice: {line}");
+            }
         }
     }
     rows

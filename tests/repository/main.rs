@@ -9,15 +9,15 @@
 
 mod architecture;
 mod book;
-mod citations;
 mod claims;
 mod clippy;
 mod hazards;
 mod keys;
+mod lab;
 mod link_page;
+mod names;
 mod pages;
 mod rack_alone;
 mod ranges;
 mod scripts;
 mod sessions;
-mod steps;

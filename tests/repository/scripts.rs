@@ -128,7 +128,7 @@ fn test_tree(name: &str, setup: &str) -> Tree {
     for script in ["test_demo.sh", "soak.sh", "with_vcan.sh", "interop.sh", "icount.sh"] {
         tree.stand_in(&format!("scripts/{script}"), &format!("note {script}"));
     }
-    tree.stand_in("target/release/frhc", "note \"frhc $*\"");
+    tree.stand_in("target/dist/frhc", "note \"frhc $*\"");
     tree
 }
 
@@ -159,4 +159,32 @@ fn failed_installation_leaves_out_the_tests_on_vcan_alone() {
     assert!(!journal.contains("with_vcan.sh"), "{journal}");
     assert!(stderr.contains("test: FAILED: install tools"), "{stderr}");
     assert!(stderr.contains("missing: can-utils"), "{stderr}");
+}
+
+#[test]
+fn end_of_the_tests_names_those_that_failed() {
+    let tree = test_tree("test-failed", "exit 1");
+    let failing = "[[ $* == *--no-fail-fast* ]] || exit 0
+        echo 'test arm::is_armed ... ok'; echo 'test arm::is_held ... FAILED'; exit 101";
+    tree.stand_in("bin/cargo", failing);
+    let stderr = tree.run("scripts/test.sh", &[]).stderr;
+    let stderr = String::from_utf8_lossy(&stderr);
+    let named = "(exit code 101)\ntest arm::is_held ... FAILED\n";
+    assert!(stderr.contains(named) && !stderr.contains("is_armed"), "{stderr}");
+}
+
+#[test]
+fn first_line_of_the_tests_says_what_they_install_and_how_long() {
+    let setup = "[[ $1 != --missing ]] || echo qemu-system-x86";
+    let tree = test_tree("test-announced", setup);
+    let ended = tree.run("scripts/test.sh", &[]);
+    let stderr = String::from_utf8_lossy(&ended.stderr).into_owned();
+    let first = stderr.lines().next().unwrap();
+    for part in
+        ["installs qemu-system-x86", "the link over a network (", "a kernel", "minutes here"]
+    {
+        assert!(first.contains(part), "{part} in {first}");
+    }
+    // Its release build is there.
+    assert!(first.contains("the tests (") && !first.contains("the program ("), "{first}");
 }

@@ -44,6 +44,19 @@ fn timing_of_the_cycles_is_in_status_summary_and_at_the_end() {
 }
 
 #[test]
+fn locked_memory_is_what_the_node_uses() {
+    let scratch = Scratch::new("locked");
+    let sim = scratch.frhc(&["sim", "--config", KRAFT]);
+    let run = scratch.frhc(&["run", "--config", KRAFT]);
+    scratch.ctl("--wait arm").succeeds();
+    let [locked, resident] = ["VmLck", "VmRSS"].map(|name| run.memory_kb(name));
+    // Without one arena for all threads some hundred MB are locked.
+    assert!(locked < resident + 20_000, "{locked} kB locked, {resident} kB resident");
+    run.terminate().succeeds();
+    sim.terminate().succeeds();
+}
+
+#[test]
 fn threads_of_the_node_have_no_page_fault_in_contact() {
     let scratch = Scratch::new("page-faults");
     let mut candump = Candump::start("vcan0");

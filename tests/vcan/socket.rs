@@ -1,4 +1,4 @@
-//! The socket of a bus: its filter, its deadlines, an interface that is down, and the order of two buses.
+//! The socket of a bus: its filter, its deadlines and sleeps, an interface that is down, and the order of two buses.
 
 use crate::common::prelude::*;
 
@@ -33,6 +33,68 @@ fn late_frame_on_one_bus_delays_no_other_bus() {
     assert_eq!(bus.receive(until), None, "the other came later");
     let later = bus.now() + Duration::from_millis(1);
     assert_eq!(bus.receive(later).unwrap().channel, Channel(0));
+}
+
+#[test]
+fn frames_slept_over_come_in_the_order_of_both_buses() {
+    let names = ["vcan0", "vcan1"].map(str::to_owned);
+    let (mut bus, mut other) = (SocketCan::open(&names).unwrap(), SocketCan::open(&names).unwrap());
+    let pause = Duration::from_micros(50);
+    let begun = bus.now();
+    let order = [(1, 1), (0, 2), (0, 3), (1, 4), (0, 5)];
+    for (channel, number) in order {
+        let frame = Frame::new(0x181, [number]);
+        other.send(Telegram { channel: Channel(channel), frame }).unwrap();
+        let until = other.now() + pause;
+        while other.receive(until).is_some() {}
+    }
+    let (from, until) = (begun + Duration::from_millis(2), begun + Duration::from_millis(3));
+    let mut now = bus.now();
+    let mut received = Vec::new();
+    for _ in order {
+        let wake = bus.wait(now, from, until);
+        let event = wake.received.unwrap();
+        assert!(event.at < from, "kept its time");
+        assert!(wake.now >= from && wake.now < until, "{:?}: all at once", wake.now);
+        let BusEvent::Frame(frame) = event.event else { panic!("{event:?}") };
+        received.push((event.channel.0, frame.data()[0]));
+        now = wake.now;
+    }
+    assert_eq!(received, order);
+    let wake = bus.wait(now, from, until);
+    assert!(wake.received.is_none() && wake.now >= until, "{wake:?}");
+}
+
+#[test]
+fn frame_received_after_the_end_of_a_slept_wait_is_kept() {
+    let name = ["vcan0".to_owned()];
+    let (mut bus, mut other) = (SocketCan::open(&name).unwrap(), SocketCan::open(&name).unwrap());
+    let frame = |number| Telegram { channel: Channel(0), frame: Frame::new(0x181, [number]) };
+    let begun = bus.now();
+    other.send(frame(1)).unwrap();
+    other.receive(begun + Duration::from_millis(4));
+    other.send(frame(2)).unwrap();
+    let [from, until] = [2, 3].map(|millis| begun + Duration::from_millis(millis));
+    let now = bus.now();
+    let first = bus.wait(now, from, until).received.map(|received| received.event);
+    assert_eq!(first, Some(BusEvent::Frame(frame(1).frame)));
+    assert_eq!(bus.wait(now, from, until).received, None, "the other came after the end");
+    let second = bus.receive(bus.now()).map(|received| received.event);
+    assert_eq!(second, Some(BusEvent::Frame(frame(2).frame)));
+}
+
+#[test]
+fn interface_found_down_after_a_sleep_is_reported_once() {
+    let mut bus = SocketCan::open(&["vcan1".to_owned()]).unwrap();
+    Process::start("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
+    let now = bus.now();
+    let [from, until] = [1, 2].map(|millis| now + Duration::from_millis(millis));
+    let wake = bus.wait(now, from, until);
+    let event = wake.received.map(|received| received.event);
+    assert_eq!(event, Some(BusEvent::Error(bus::BusError::Down)));
+    let wake = bus.wait(wake.now, from, until);
+    assert!(wake.received.is_none() && wake.now >= until, "{wake:?}");
+    Process::start("ip", &["link", "set", "vcan1", "up"]).wait().succeeds();
 }
 
 #[test]

@@ -77,7 +77,9 @@ fn hazard_37_who_may_look_cannot_arm() {
 fn played(name: &str, readers: usize, stopped: usize) -> (Vec<TargetFrame>, Vec<Value>) {
     let scratch = Scratch::new(name);
     let mut candump = Candump::start("vcan0");
-    let sim = scratch.frhc(&["sim", "--config", KRAFT, "--scenario", "contact_10s"]);
+    // Twenty interpreters that start must not keep the drives waiting.
+    let words = ["sim", "--config", KRAFT, "--scenario", "contact_10s", "--fifo", "70"];
+    let sim = scratch.frhc(&words);
     let run = scratch.frhc(&["run", "--config", KRAFT]);
     let first = candump.until(is_sync).nanos;
     let script = "import socket, sys\n\

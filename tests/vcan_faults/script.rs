@@ -16,17 +16,24 @@ const PRESSED_S: f64 = 0.30;
 /// Number of presses: longer than any test runs.
 const PRESSES: u32 = 40;
 
+/// Positions between which the hand moves, in m from the start, that leave the arm's weight as it is.
+const ASIDE: [f64; 3] = [0.0, 0.03, 0.0];
+
+/// The same, for a motion that changes the weight at the elevation joint by more than a tenth of its torque.
+const LIFT: [f64; 3] = [0.05, 0.0, 0.03];
+
 /// Returns repeated presses.
 pub(crate) fn rhythm() -> Vec<Entry> {
-    entries((0..PRESSES).map(|press| {
+    let presses = (0..PRESSES).map(|press| {
         let at = FIRST_S + PERIOD_S * f64::from(press);
         (at, at + PRESSED_S)
-    }))
+    });
+    entries(presses, ASIDE)
 }
 
-/// Returns one long press, for faults that are detected slowly.
+/// Returns one long press in which the arm is lifted and lowered, for faults that are detected slowly.
 pub(crate) fn long_press() -> Vec<Entry> {
-    entries([(FIRST_S, FIRST_S + 5.0)].into_iter())
+    entries([(FIRST_S, FIRST_S + 5.0)].into_iter(), LIFT)
 }
 
 /// Returns the scenario of these entries as a file.
@@ -34,7 +41,7 @@ pub(crate) fn scenario(entries: Vec<Entry>) -> String {
     Scenario::new(30.0, entries).unwrap().to_toml()
 }
 
-fn entries(presses: impl Iterator<Item = (f64, f64)>) -> Vec<Entry> {
+fn entries(presses: impl Iterator<Item = (f64, f64)>, to: [f64; 3]) -> Vec<Entry> {
     let mut entries = Vec::new();
     for (place, (closed, opened)) in presses.enumerate() {
         entries.push(Entry::Switch(Switch::deadman(closed, true)));
@@ -46,8 +53,8 @@ fn entries(presses: impl Iterator<Item = (f64, f64)>) -> Vec<Entry> {
     }
     for swing in 0..30 {
         let at = 0.2 + 0.5 * f64::from(swing);
-        let y = if swing % 2 == 0 { 0.03 } else { -0.03 };
-        entries.push(Entry::Move(Move::new(at, 0.5, [0.0, y, 0.0])));
+        let side = if swing % 2 == 0 { 1.0 } else { -1.0 };
+        entries.push(Entry::Move(Move::new(at, 0.5, to.map(|position| side * position))));
     }
     entries
 }

@@ -7,6 +7,7 @@ mod buses;
 mod devices;
 mod frames;
 mod operator;
+mod zeros;
 
 use crate::injection::Conditions;
 use crate::kind::CaseKind;
@@ -16,7 +17,8 @@ use units::numbering::Joint;
 
 /// Returns all kinds, by group.
 pub fn kinds() -> impl Iterator<Item = &'static CaseKind> {
-    let groups: [&[CaseKind]; 4] = [devices::KINDS, frames::KINDS, buses::KINDS, operator::KINDS];
+    let groups: [&[CaseKind]; 5] =
+        [devices::KINDS, frames::KINDS, buses::KINDS, operator::KINDS, zeros::KINDS];
     groups.into_iter().flatten()
 }
 
@@ -72,6 +74,12 @@ mod tests {
     }
 
     /// Kinds of a hazard that is detected by another cause than that of its stop.
-    const OTHER_CAUSES: [&str; 4] =
-        ["several drives unplugged", "process killed", "bus flooded", "stall within a cycle"];
+    const OTHER_CAUSES: [&str; 6] = [
+        "several drives unplugged",
+        "process killed",
+        "bus flooded",
+        "stall within a cycle",
+        "cradle missed",
+        "cradle missed by a revolution",
+    ];
 }

@@ -25,6 +25,12 @@ pub enum Criterion {
     /// Reflection has ended in time; the second value says whether the node may stop later.
     #[display("reflection off within {:.1} ms", millis(*_0))]
     Disengaged(Duration, MayStop),
+    /// Armed, with joint positions that differ from the true ones by at most this, in rad or m.
+    #[display("armed, each position within {:.3} rad (m)", _0)]
+    Armed(f64),
+    /// Not armed.
+    #[display("not armed")]
+    Unarmed,
     /// No stop of the node.
     #[display("goes on")]
     GoesOn,

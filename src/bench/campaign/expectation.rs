@@ -134,6 +134,11 @@ pub const EXPECTATIONS: &[Expectation] = &[
     row(48, Millis(70), &[(CauseKind::LinkSlow, ReflectionOff)]),
     row(49, Unstated, &[(CauseKind::ModelDiffers, ReflectionOff)]),
     row(50, Millis(100), &[(CauseKind::GripperInputInvalid, ReflectionOff)]),
+    row(
+        51,
+        Cycles(2),
+        &[(CauseKind::ZeroUnknown, ZeroTorque), (CauseKind::HomingFailed, DrivesOff)],
+    ),
 ];
 
 const fn row(hazard: u8, limit: Limit, reactions: &'static [(CauseKind, EndState)]) -> Expectation {

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use crate::criterion::Criterion;
 use crate::expectation;
+use crate::lost_zeros::LostZeros;
 use crate::situation::Situation;
 use canopen::watchdog::LifeSign;
 use config::Config;
@@ -28,6 +29,8 @@ pub struct Injection {
     pub loses_commands: bool,
     /// Quirk of a drive, present before its boot.
     pub quirk: Option<(Joint, Quirk)>,
+    /// Zeros of the drives in place of those of the file.
+    pub zeros: Option<LostZeros>,
     /// Required reaction of node or drives.
     pub criterion: Criterion,
     /// Duration of the observation after the onset.
@@ -128,6 +131,7 @@ impl Injection {
             cut_off: None,
             loses_commands: false,
             quirk: None,
+            zeros: None,
             criterion,
             observed_for: OBSERVED,
         }
@@ -136,6 +140,11 @@ impl Injection {
     /// Returns the injection observed for this long.
     pub(super) fn observed_for(self, observed_for: Duration) -> Self {
         Self { observed_for, ..self }
+    }
+
+    /// Returns whether the case needs a boot of its own: quirks and zeros are those of the drives from the start.
+    pub(super) const fn needs_own_boot(&self) -> bool {
+        self.quirk.is_some() || self.zeros.is_some()
     }
 
     /// Returns the faults among the entries.

@@ -45,6 +45,16 @@ pub(super) const fn ready(
     CaseKind { name, hazard, causes, situations: &[Situation::Ready], injection }
 }
 
+/// Creates a kind that is injected while armed, after the zeros were set.
+pub(super) const fn zeroed(
+    hazard: u8,
+    name: &'static str,
+    causes: &'static [CauseKind],
+    injection: MakeInjection,
+) -> CaseKind {
+    CaseKind { name, hazard, causes, situations: &[Situation::Zeroed], injection }
+}
+
 /// Creates a kind that is injected in every armed situation.
 pub(super) const fn kind(
     hazard: u8,

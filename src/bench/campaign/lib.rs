@@ -2,6 +2,7 @@
 //!
 //! The cases of a campaign are numbered from 1. Seed and number determine a case: fault, hand controller, situation, onset.
 //! A case can therefore be replayed alone, and the number of threads does not change the verdicts.
+//! Begin with `play`, one case from its onset to its end.
 //!
 //! | file           | content                                                          |
 //! |----------------|------------------------------------------------------------------|
@@ -11,16 +12,18 @@
 //! | `expectation`  | one row for each hazard: limit, causes, end state of the drives  |
 //! | `injection`    | faults and actions of a case, with the required reaction         |
 //! | `kind`         | one kind of fault: hazard, situations, causes that may stop      |
+//! | `lost_zeros`   | arms whose drives lose their zero, beside their rest posture     |
 //! | `monitor`      | invariants I1 to I13, checked on the bus                         |
 //! | `observer`     | measurements of a case after every cycle                         |
 //! | `play`         | one case from its onset to its end                               |
 //! | `random`       | random joints, durations, bytes                                  |
 //! | `rpdo_loss`    | torque that a drive without its RPDOs holds                      |
 //! | `run`          | all cases, on every core                                         |
-//! | `situation`    | ready, armed, free motion, in contact                            |
+//! | `situation`    | ready, armed, zeros set, free motion, in contact                 |
 //! | `soak`         | long runs with lost samples and without a fault                  |
 //! | `stage`        | a bench, booted and brought into a situation                     |
-//! | `table`        | the figures by kind                                              |
+//! | `table`        | the figures by kind, as text                                     |
+//! | `tally`        | the figures in progress                                          |
 //! | `timers`       | times until drives stop without their master                     |
 //! | `verdict`      | the outcome of a case                                            |
 //! | `verification` | cases replayed from the recorded inputs of their nodes           |
@@ -32,6 +35,7 @@ pub mod criterion;
 pub mod expectation;
 pub mod injection;
 pub mod kind;
+pub mod lost_zeros;
 pub mod monitor;
 mod observer;
 pub mod play;
@@ -42,6 +46,7 @@ pub mod situation;
 pub mod soak;
 pub mod stage;
 pub mod table;
+pub mod tally;
 pub mod timers;
 pub mod verdict;
 pub mod verification;

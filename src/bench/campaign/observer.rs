@@ -115,6 +115,10 @@ impl Observer {
                 self.observed.end_state = self.observed.end_state.or(end);
             }
             self.observed.is_stopped |= record.mode.is_stopped();
+            if record.mode.allows_torque() {
+                let error = (record.output.q - world.plant().q()).amax();
+                self.observed.armed_error.get_or_insert(error);
+            }
             if record.mode == Mode::DrivesOff {
                 self.drives_off.get_or_insert(now);
             }

@@ -90,6 +90,8 @@ fn held_limit(injection: &Injection) -> Duration {
         | Criterion::ReflectionOff(_)
         | Criterion::Disengaged(..)
         | Criterion::GoesOn
+        | Criterion::Armed(_)
+        | Criterion::Unarmed
         | Criterion::Either(_) => Duration::MAX,
     }
 }

@@ -1,6 +1,9 @@
-//! All cases of a campaign, on every core. The number of threads does not change the verdicts.
+//! Cases of a campaign, on every core. The number of threads does not change the verdicts.
 
+use std::borrow::Cow;
+use std::fmt::Display;
 use std::num::NonZero;
+use std::sync::Arc;
 
 use crate::case::Case;
 use crate::monitor::Monitor;
@@ -23,7 +26,7 @@ use units::time::Instant;
 #[derive(Clone, Debug)]
 pub struct Campaign {
     seed: u64,
-    configs: Vec<Config>,
+    configs: Arc<[Config]>,
     cases: Vec<Case>,
 }
 
@@ -42,22 +45,21 @@ pub type OnCycle<'a, S> = dyn FnMut(&mut Bench<Monitor, S>, &Record, Part) + 'a;
 /// Verdict on a case, with every frame since the boot.
 pub type Replay = (Verdict, Vec<(Instant, Telegram)>);
 
-/// Benches in the situations that the cases need, by hand controller and [`Situation::index`].
-type Stages = Vec<[Option<Bench<Monitor>>; 4]>;
+/// Benches in the situations that the cases of a campaign need, by hand controller and situation.
+#[derive(Clone, Debug, Default)]
+pub struct Stages(Vec<[Option<Bench<Monitor>>; Situation::ALL.len()]>);
 
 impl Campaign {
     /// Creates a campaign of the first `faults` cases of a seed whose kind has a name that contains `only`.
     pub fn new(seed: u64, configs: Vec<Config>, faults: usize, only: Option<&str>) -> Self {
-        let is_wanted = |case: &Case| only.is_none_or(|only| case.kind.name.contains(only));
-        let cases = (1..).map_while(|number| Case::draw(seed, number, &configs));
-        let most = u32::try_from(faults).unwrap_or(u32::MAX).saturating_mul(MAX_KINDS);
-        let cases = cases.take_while(|case| case.number <= most);
-        let cases = cases.filter(is_wanted).take(faults).collect();
-        Self { seed, configs, cases }
+        let configs: Arc<[Config]> = configs.into();
+        let whole = Batches::new(seed, configs.clone(), (faults, faults), only).next();
+        whole.unwrap_or(Self { seed, configs, cases: Vec::new() })
     }
 
     /// Creates a campaign of case `number` of a seed alone.
-    pub fn of_one(seed: u64, configs: Vec<Config>, number: u32) -> Option<Self> {
+    pub fn of_one(seed: u64, configs: impl Into<Arc<[Config]>>, number: u32) -> Option<Self> {
+        let configs = configs.into();
         let case = Case::draw(seed, number, &configs)?;
         Some(Self { seed, configs, cases: vec![case] })
     }
@@ -68,7 +70,7 @@ impl Campaign {
     }
 
     /// Returns the hand controllers.
-    pub fn configs(&self) -> &[Config] {
+    pub const fn configs(&self) -> &Arc<[Config]> {
         &self.configs
     }
 
@@ -81,9 +83,23 @@ impl Campaign {
         threads: NonZero<usize>,
         progress: &(dyn Fn() + Sync),
     ) -> Result<Vec<Verdict>, StageError> {
-        let stages = self.stages(threads)?;
+        self.run_on(&mut Stages::default(), threads, progress)
+    }
+
+    /// Plays all cases as [`run`](Self::run), on the benches of other batches of the campaign.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_on(
+        &self,
+        stages: &mut Stages,
+        threads: NonZero<usize>,
+        progress: &(dyn Fn() + Sync),
+    ) -> Result<Vec<Verdict>, StageError> {
+        self.set(stages, threads)?;
+        let stages = &*stages;
         let verdicts = each(threads, &self.cases, |case| {
-            let verdict = self.play_on(&stages, case);
+            let verdict = self.play_on(stages, case);
             progress();
             verdict
         });
@@ -99,12 +115,10 @@ impl Campaign {
         sink: S,
         on_cycle: &mut OnCycle<'_, S>,
     ) -> Result<Option<Replay>, StageError> {
-        let Some((case, config)) = self.cases.first().and_then(|case| self.with_config(case))
-        else {
-            return Ok(None);
-        };
-        let monitor = Monitor::new(config).keeping_frames();
-        let (verdict, mut bench) = self.play_from_boot(case, config, monitor, sink, on_cycle)?;
+        let Some(case) = self.cases.first() else { return Ok(None) };
+        let config = self.config(case)?;
+        let monitor = Monitor::new(&config).with_log();
+        let (verdict, mut bench) = self.play_from_boot(case, &config, monitor, sink, on_cycle)?;
         Ok(Some((verdict, bench.tap_mut().frames().to_vec())))
     }
 
@@ -121,18 +135,18 @@ impl Campaign {
     ) -> Result<Vec<Verification>, StageError> {
         let cases: Vec<_> = self.cases.iter().zip(verdicts).collect();
         let verified = each(threads, &cases, |(case, verdict)| {
-            let (case, config) = self.with_config(case).ok_or_else(|| without_stage(case))?;
+            let config = self.config(case)?;
             let recording = Recording::new();
             let sink = recording.clone();
             let (again, _) = self.play_from_boot(
                 case,
-                config,
-                Monitor::new(config),
+                &config,
+                Monitor::new(&config),
                 sink.clone(),
                 &mut |_, record, _| sink.on_cycle(record),
             )?;
             progress();
-            Ok(recording.verify(config, verdict, &again))
+            Ok(recording.verify(&config, verdict, &again))
         });
         verified.into_iter().collect()
     }
@@ -163,47 +177,112 @@ impl Campaign {
         Stage { config, situation, seed: self.seed, quirk }
     }
 
-    fn with_config<'c>(&'c self, case: &'c Case) -> Option<(&'c Case, &'c Config)> {
-        Some((case, self.configs.get(case.config)?))
+    /// Returns the configuration of a case: that of its hand controller, or the same with other zeros.
+    ///
+    /// # Errors
+    /// When a configuration with other zeros cannot be loaded.
+    pub fn config(&self, case: &Case) -> Result<Cow<'_, Config>, StageError> {
+        let config = self.configs.get(case.config).ok_or_else(|| without_stage(case))?;
+        let Some(zeros) = case.injection.zeros else { return Ok(Cow::Borrowed(config)) };
+        let refused = |error: &dyn Display| StageError::Configuration(error.to_string());
+        let files = zeros.files(config).map_err(|error| refused(&error))?;
+        let changed = Config::load_from(&files, &config.file);
+        changed.map(Cow::Owned).map_err(|error| refused(&error))
     }
 
     fn play_on(&self, stages: &Stages, case: &Case) -> Result<Verdict, StageError> {
-        let stage = stages.get(case.config).and_then(|stages| stages.get(case.situation.index()));
-        match (stage, self.configs.get(case.config)) {
-            // A quirk is present before the boot, so the case needs its own boot.
-            (_, Some(config)) if case.injection.quirk.is_some() => {
-                let monitor = Monitor::new(config);
-                let played = self.play_from_boot(case, config, monitor, (), &mut |_, _, _| {})?;
-                Ok(played.0)
-            }
-            (Some(Some(bench)), Some(config)) => {
-                play::play(&mut bench.clone(), config, case, &mut |_, _| {})
-            }
-            // Unreachable: stages and hand controllers are derived from the cases.
-            _ => Err(without_stage(case)),
+        let config = self.config(case)?;
+        if case.injection.needs_own_boot() {
+            let monitor = Monitor::new(&config);
+            let played = self.play_from_boot(case, &config, monitor, (), &mut |_, _, _| {})?;
+            return Ok(played.0);
         }
+        // Never absent: stages are derived from the cases.
+        let bench = stages.get(case.config, case.situation).ok_or_else(|| without_stage(case))?;
+        play::play(&mut bench.clone(), &config, case, &mut |_, _| {})
     }
 
-    /// Brings one bench into each situation that the cases need.
-    fn stages(&self, threads: NonZero<usize>) -> Result<Stages, StageError> {
+    /// Brings one bench into each situation that the cases need, and that none is in yet.
+    fn set(&self, stages: &mut Stages, threads: NonZero<usize>) -> Result<(), StageError> {
+        stages.0.resize_with(self.configs.len(), || [const { None }; Situation::ALL.len()]);
         let of = |config| Situation::ALL.map(|situation| (config, situation));
         let mut wanted: Vec<(usize, Situation)> = (0..self.configs.len()).flat_map(of).collect();
         wanted.retain(|wanted| {
-            self.cases.iter().any(|case| (case.config, case.situation) == *wanted)
+            let on_stage = self.cases.iter().filter(|case| !case.injection.needs_own_boot());
+            let is_needed =
+                on_stage.map(|case| (case.config, case.situation)).any(|of| of == *wanted);
+            is_needed && stages.get(wanted.0, wanted.1).is_none()
         });
         let reached = each(threads, &wanted, |(config, situation)| {
             let config = self.configs.get(*config)?;
             let stage = self.stage(*situation, config, None);
             Some(stage::bring_to(stage, Monitor::new(config), (), &mut |_, _| {}))
         });
-        let mut stages: Stages = self.configs.iter().map(|_| [const { None }; 4]).collect();
         for ((config, situation), bench) in wanted.into_iter().zip(reached) {
-            let stage = stages.get_mut(config).and_then(|all| all.get_mut(situation.index()));
+            let stage = stages.0.get_mut(config).and_then(|all| all.get_mut(situation.index()));
             if let (Some(stage), Some(bench)) = (stage, bench) {
                 *stage = Some(bench?);
             }
         }
-        Ok(stages)
+        Ok(())
+    }
+}
+
+impl Stages {
+    fn get(&self, config: usize, situation: Situation) -> Option<&Bench<Monitor>> {
+        self.0.get(config)?.get(situation.index())?.as_ref()
+    }
+}
+
+/// Cases of a campaign, a part at a time: a campaign of any length needs the memory of one part.
+#[derive(Clone, Debug)]
+pub struct Batches {
+    seed: u64,
+    configs: Arc<[Config]>,
+    only: Option<String>,
+    /// Number of the next case, and the highest.
+    next: u32,
+    most: u32,
+    /// Maximum number of cases in a part, and of those in all further parts.
+    size: usize,
+    left: usize,
+}
+
+impl Batches {
+    /// Creates the parts of a campaign as [`Campaign::new`]: `faults` cases, at most `size` in each part.
+    pub fn new(
+        seed: u64,
+        configs: Arc<[Config]>,
+        (faults, size): (usize, usize),
+        only: Option<&str>,
+    ) -> Self {
+        let most = u32::try_from(faults).unwrap_or(u32::MAX).saturating_mul(MAX_KINDS);
+        let only = only.map(str::to_owned);
+        Self { seed, configs, only, next: 1, most, size, left: faults }
+    }
+
+    /// Draws the next case of a wanted kind.
+    fn draw(&mut self) -> Option<Case> {
+        while self.next < self.most {
+            let case = Case::draw(self.seed, self.next, &self.configs)?;
+            self.next += 1;
+            if self.only.as_ref().is_none_or(|only| case.kind.name.contains(only)) {
+                return Some(case);
+            }
+        }
+        None
+    }
+}
+
+impl Iterator for Batches {
+    type Item = Campaign;
+
+    fn next(&mut self) -> Option<Campaign> {
+        let size = self.size.min(self.left);
+        let cases: Vec<Case> = std::iter::from_fn(|| self.draw()).take(size).collect();
+        self.left -= cases.len();
+        let Self { seed, configs, .. } = self;
+        (!cases.is_empty()).then(|| Campaign { seed: *seed, configs: configs.clone(), cases })
     }
 }
 
@@ -213,3 +292,24 @@ fn without_stage(case: &Case) -> StageError {
 
 /// Maximum number of cases that contains each kind at least once.
 const MAX_KINDS: u32 = 200;
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn campaign_in_parts_has_the_verdicts_of_the_whole() {
+        let configs = vec![Config::load(Path::new("config/kraft_like.toml")).unwrap()];
+        let whole = Campaign::new(3, configs, 9, Some("lost"));
+        let parts = Batches::new(3, whole.configs().clone(), (9, 4), Some("lost"));
+        let parts: Vec<_> = parts.collect();
+        let sizes: Vec<_> = parts.iter().map(|part| part.cases().len()).collect();
+        assert_eq!(sizes, [4, 4, 1]);
+        let mut stages = Stages::default();
+        let mut run = |part: &Campaign| part.run_on(&mut stages, NonZero::<usize>::MIN, &|| {});
+        let verdicts: Vec<_> = parts.iter().flat_map(|part| run(part).unwrap()).collect();
+        assert_eq!(verdicts, whole.run(NonZero::<usize>::MIN, &|| {}).unwrap());
+    }
+}

@@ -1,4 +1,4 @@
-//! Situation at the onset of a fault: ready, armed, moving freely, or pressing against a wall.
+//! Situation at the onset of a fault: ready, armed (also after zeros were set), moving freely, or pressing against a wall.
 
 use derive_more::Display;
 use serde::Serialize;
@@ -16,6 +16,9 @@ pub enum Situation {
     /// Gravity compensation is on, the deadman open.
     #[display("armed")]
     Armed,
+    /// The same, after a person has set the zeros of drives that lost theirs with the power.
+    #[display("armed, zeros set")]
+    Zeroed,
     /// Deadman pressed; the hand moves the object freely.
     #[display("free motion")]
     Free,
@@ -26,7 +29,7 @@ pub enum Situation {
 
 impl Situation {
     /// Situations, each closer to contact than the one before.
-    pub const ALL: [Self; 4] = [Self::Ready, Self::Armed, Self::Free, Self::Contact];
+    pub const ALL: [Self; 5] = [Self::Ready, Self::Armed, Self::Zeroed, Self::Free, Self::Contact];
 
     /// Situations with gravity compensation.
     pub const ARMED: [Self; 3] = [Self::Armed, Self::Free, Self::Contact];
@@ -42,7 +45,7 @@ impl Situation {
     /// Returns whether the deadman is pressed.
     pub const fn is_engaged(self) -> bool {
         match self {
-            Self::Ready | Self::Armed => false,
+            Self::Ready | Self::Armed | Self::Zeroed => false,
             Self::Free | Self::Contact => true,
         }
     }
@@ -52,6 +55,7 @@ impl Situation {
         match self {
             Self::Ready => 0.3,
             Self::Armed | Self::Free => 1.3,
+            Self::Zeroed => 2.8,
             Self::Contact => 5.0,
         }
     }
@@ -59,7 +63,7 @@ impl Situation {
     /// Returns the time from which the hand rests, in s after the first SYNC.
     pub(super) const fn rests_s(self) -> f64 {
         match self {
-            Self::Ready | Self::Armed => 0.0,
+            Self::Ready | Self::Armed | Self::Zeroed => 0.0,
             Self::Free => 1.9,
             Self::Contact => 2.0,
         }
@@ -72,6 +76,11 @@ impl Situation {
         match self {
             Self::Ready => entries.clear(),
             Self::Armed => {}
+            // The joints must be at rest for 1 s.
+            Self::Zeroed => {
+                entries =
+                    vec![request(1.4, ConsoleRequest::Zero), request(1.5, ConsoleRequest::Arm)];
+            }
             Self::Free => {
                 entries.extend(engage([0.3, 0.4, 0.45, 0.5, 0.55]));
                 entries.push(Entry::Move(Move::new(0.6, 1.3, [0.0, 0.05, 0.0])));

@@ -105,16 +105,19 @@ fn lap(
     let mut bench = Bench::new(config, scenario, random.bits(), Monitor::new(config));
     stage::bring_up(&mut bench)?;
     let mut truth = Truth::new(config);
-    let at_hand = Fidelity::new(WrenchSource::Hand);
+    let mut measured = Fidelity::new(WrenchSource::Hand);
+    let at_hand = measured.clone();
     let mut lap = Lap { number, config: place, cycles: 0, trip: None, violation: None, at_hand };
     while lap.cycles < most && lap.trip.is_none() {
         stage::make_requests(&mut bench);
         let record = bench.cycle();
         stage::report_mode(&mut bench, record.mode);
-        lap.at_hand.add(truth.sample(&bench, &record).as_ref());
+        measured.add(truth.sample(&bench, &record).as_ref());
         lap.cycles += 1;
         lap.trip = record.cause.map(|cause| (bench.elapsed(), cause));
     }
+    // The figures without the window of samples, which a soak of many laps would keep.
+    lap.at_hand.join(&measured);
     lap.violation = bench.tap_mut().violations().first().map(ToString::to_string);
     Ok(lap)
 }
@@ -212,6 +215,14 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+
+    #[test]
+    fn lap_has_its_figures_and_keeps_no_samples() {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        let lap = lap(1, (1, 0), &config, 4_000).unwrap();
+        assert!(lap.at_hand.report().is_some(), "{lap:?}");
+        assert!(format!("{:?}", lap.at_hand).contains("samples: []"), "{:?}", lap.at_hand);
+    }
 
     #[test]
     fn promise_14_soak_drops_0_1_percent_never_two_in_a_row() {

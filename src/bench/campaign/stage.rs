@@ -38,6 +38,9 @@ pub enum StageError {
     /// Required situation, and the mode of the node instead.
     #[error("the node must be {0} before the fault, and is {1}")]
     NotReached(Situation, Mode),
+    /// Configuration that cannot be changed for the case.
+    #[error("{0}")]
+    Configuration(String),
     /// Invariant that is violated before the fault.
     #[error("before any fault: {0}")]
     Violated(String),
@@ -87,7 +90,7 @@ pub(super) fn bring_to<S: InputSink + Clone>(
     let (mode, force) = last.unwrap_or((Mode::Boot, 0.0));
     let is_there = match situation {
         Situation::Ready => mode == Mode::Ready,
-        Situation::Armed => mode == Mode::Armed,
+        Situation::Armed | Situation::Zeroed => mode == Mode::Armed,
         Situation::Free => mode == Mode::Engaged,
         Situation::Contact => mode == Mode::Engaged && force > MIN_CONTACT,
     };
@@ -111,6 +114,7 @@ pub(super) fn bring_up<S: InputSink + Clone>(
         | BringUpError::Unfit(_)
         | BringUpError::NotEnabled(_)
         | BringUpError::Mode(_)
+        | BringUpError::Homing(_)
         | BringUpError::ProofTest(_)) => StageError::Boot(error),
     })
 }
@@ -131,7 +135,7 @@ pub(super) fn make<S: InputSink + Clone>(bench: &mut Bench<Monitor, S>, request:
     let mode = bench.ask(request).ok();
     let now = bench.now();
     let answer = match (request, mode) {
-        (_, None) | (Request::Command(_) | Request::Adjust(_), _) => return,
+        (_, None) | (Request::Command(_) | Request::Adjust(_) | Request::Zero(_), _) => return,
         (Request::Arm, Some(_)) => Answer::Armed,
         (Request::Reset, Some(Mode::Armed)) => Answer::ResetToArmed,
         (Request::Disarm | Request::Reset, Some(_)) => Answer::Disarmed,

@@ -1,16 +1,10 @@
-//! Figures of a campaign, one line for each kind of fault.
+//! Figures of a campaign, one line for each kind of fault, and their text.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
 use std::{fmt, iter};
 
 use derive_more::Display;
 use serde::Serialize;
-
-use crate::catalogue;
-use crate::criterion::Criterion;
-use crate::kind::{CaseKind, KILLED};
-use crate::verdict::{Outcome, Verdict};
 
 /// Figures by kind, and of all kinds together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -105,118 +99,6 @@ pub struct Spread {
     pub p99: u64,
     /// Maximum.
     pub max: u64,
-}
-
-impl Table {
-    /// Computes the figures of these verdicts.
-    pub fn from_verdicts(verdicts: &[Verdict]) -> Self {
-        let line = |kind: &'static CaseKind| {
-            let of: Vec<&Verdict> = verdicts.iter().filter(|one| one.kind == kind.name).collect();
-            (!of.is_empty()).then(|| Line::from_verdicts(kind.hazard, kind.name, &of))
-        };
-        let mut kinds: Vec<Line> = catalogue::kinds().filter_map(line).collect();
-        kinds.sort_by_key(|line| line.row);
-        let all: Vec<&Verdict> = verdicts.iter().collect();
-        Self {
-            kinds,
-            total: Line::from_verdicts(0, "all", &all),
-            killed: TorqueFreeTimes::from_verdicts(verdicts),
-        }
-    }
-}
-
-impl TorqueFreeTimes {
-    fn from_verdicts(verdicts: &[Verdict]) -> Vec<Self> {
-        let killed = verdicts.iter().filter(|one| one.kind == KILLED);
-        let timed = killed.filter_map(|one| match (one.criterion, one.observed.torque_free) {
-            (Criterion::TorqueFree(within), Some(quiet)) => Some((within, quiet)),
-            _ => None,
-        });
-        let mut by_timer: BTreeMap<Duration, Vec<u64>> = BTreeMap::new();
-        for (within, quiet) in timed {
-            let micros = u64::try_from(quiet.as_micros()).unwrap_or(u64::MAX);
-            by_timer.entry(within).or_default().push(micros);
-        }
-        by_timer.into_iter().filter_map(Self::from_times).collect()
-    }
-
-    fn from_times((within, micros): (Duration, Vec<u64>)) -> Option<Self> {
-        let count = micros.len();
-        let millis = |micros: u64| rounded(Duration::from_micros(micros).as_secs_f64() * 1e3);
-        let Spread { p50, p99, max } = Spread::from_values(micros)?;
-        let [p50_ms, p99_ms, max_ms] = [p50, p99, max].map(millis);
-        Some(Self { within_ms: within.as_secs_f64() * 1e3, count, p50_ms, p99_ms, max_ms })
-    }
-}
-
-impl Line {
-    fn from_verdicts(row: u8, kind: &str, verdicts: &[&Verdict]) -> Self {
-        let count = |of: fn(&Verdict) -> bool| verdicts.iter().filter(|one| of(one)).count();
-        let most = |of: fn(&Verdict) -> f64| verdicts.iter().map(|one| of(one)).fold(0.0, f64::max);
-        let cycles = |of: fn(&Verdict) -> Option<Duration>| {
-            let times = verdicts.iter().filter_map(|one| Some(in_cycles(of(one)?, one.period)));
-            Spread::from_values(times.collect())
-        };
-        let times = verdicts.iter().filter_map(|one| one.limited_time());
-        let off = verdicts.iter().filter_map(|one| one.observed.off);
-        Self {
-            row,
-            kind: kind.to_owned(),
-            injected: verdicts.len(),
-            latched: count(|one| one.observed.detected.is_some()),
-            missed: count(|one| matches!(one.outcome, Outcome::Missed | Outcome::Late)),
-            false_trips: count(|one| one.outcome == Outcome::FalseTrip),
-            wrong_causes: count(|one| one.outcome == Outcome::WrongCause),
-            wrong_states: count(|one| one.outcome == Outcome::WrongState),
-            left_on: count(|one| one.outcome == Outcome::LeftOn),
-            causes: causes(verdicts),
-            off_ms: off.max().map(|time| rounded(time.as_secs_f64() * 1e3)),
-            breaches: verdicts.iter().map(|one| one.observed.violation_count).sum(),
-            t_detect: cycles(|one| one.observed.detected),
-            t_zero: cycles(Verdict::limited_time),
-            t_zero_ms: times.max().map(|time| rounded(time.as_secs_f64() * 1e3)),
-            spread: verdicts.iter().filter_map(|one| one.observed.spread).max(),
-            impulse_mnms: rounded(most(|one| match one.limited_time() {
-                Some(_) => 1e3 * one.observed.impulse,
-                None => 0.0,
-            })),
-            peak_percent: rounded(most(|one| 100.0 * one.observed.peak)),
-            grip_speed_m_per_s: rounded(most(|one| one.observed.speed)),
-            grip_travel_mm: rounded(most(|one| 1e3 * one.observed.travel)),
-            stale_targets: verdicts.iter().map(|one| one.observed.stale).sum(),
-            stale_applied: verdicts.iter().map(|one| one.observed.applied).sum(),
-            oldest_applied_ms: rounded(most(|one| one.observed.oldest.as_secs_f64() * 1e3)),
-            unarmed_targets: verdicts.iter().map(|one| one.observed.unarmed).sum(),
-        }
-    }
-}
-
-/// Returns the number of stops by each cause.
-fn causes(verdicts: &[&Verdict]) -> BTreeMap<String, usize> {
-    let mut causes = BTreeMap::new();
-    for cause in verdicts.iter().filter_map(|one| one.observed.cause) {
-        *causes.entry(format!("{:?}", cause.kind())).or_default() += 1;
-    }
-    causes
-}
-
-/// Converts a time to cycles, rounded up.
-fn in_cycles(time: Duration, period: Duration) -> u64 {
-    let cycles = time.as_micros().div_ceil(period.as_micros().max(1));
-    u64::try_from(cycles).unwrap_or(u64::MAX)
-}
-
-/// Returns the value rounded to three decimals.
-fn rounded(value: f64) -> f64 {
-    (value * 1e3).round() / 1e3
-}
-
-impl Spread {
-    fn from_values(mut values: Vec<u64>) -> Option<Self> {
-        values.sort_unstable();
-        let at = |percent: usize| values.get((values.len() * percent).div_ceil(100).max(1) - 1);
-        Some(Self { p50: *at(50)?, p99: *at(99)?, max: *values.last()? })
-    }
 }
 
 /// Columns: name with unit, and width.

@@ -54,6 +54,8 @@ pub struct Observation {
     pub oldest: Duration,
     /// Number of non-zero targets without arming.
     pub unarmed: u64,
+    /// Maximum error of a joint position in the first armed cycle, in rad or m.
+    pub armed_error: Option<f64>,
     /// First violations of an invariant.
     pub violations: Vec<Violation>,
     /// Number of all violations.
@@ -137,7 +139,9 @@ impl Verdict {
             Criterion::Stop(_) | Criterion::ZeroTorque(_) => self.observed.zero,
             Criterion::TorqueFree(_) | Criterion::BusAbandoned(..) => self.observed.torque_free,
             Criterion::ReflectionOff(_) | Criterion::Disengaged(..) => self.observed.reflection_off,
-            Criterion::GoesOn | Criterion::Either(_) => None,
+            Criterion::Armed(_) | Criterion::Unarmed | Criterion::GoesOn | Criterion::Either(_) => {
+                None
+            }
         }
     }
 }
@@ -205,7 +209,13 @@ fn timely(criterion: Criterion, observed: &Observation) -> Outcome {
         Criterion::ReflectionOff(within) | Criterion::Disengaged(within, _) => {
             in_time(observed.reflection_off, within)
         }
-        Criterion::GoesOn | Criterion::Either(_) => Outcome::Met,
+        Criterion::Armed(most) if observed.armed_error.is_some_and(|error| error <= most) => {
+            Outcome::Met
+        }
+        Criterion::Armed(_) if observed.armed_error.is_none() => Outcome::FalseTrip,
+        Criterion::Unarmed if observed.armed_error.is_some() => Outcome::Missed,
+        Criterion::Armed(_) => Outcome::Missed,
+        Criterion::Unarmed | Criterion::GoesOn | Criterion::Either(_) => Outcome::Met,
     }
 }
 

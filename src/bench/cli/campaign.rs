@@ -1,21 +1,23 @@
 //! `frhc campaign`: thousands of faults, with a verdict on each.
 
+mod played;
 mod recorded;
 mod verified;
 
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
 use anyhow::Context;
 use clap::Args;
+use demo::event_narrator::EventNarrator;
 use serde_json::json;
 use tempfile::TempDir;
 
+use crate::campaign::played::{CampaignResult, Task};
 use crate::campaign::recorded::CaseBench;
-use crate::campaign::verified::ReplayReport;
-use crate::event_narrator::EventNarrator;
 use bus::log_writer::LogWriter;
 use campaign::case::Case;
 use campaign::run::Campaign as Cases;
@@ -25,10 +27,9 @@ use campaign::{catalogue, soak};
 use canopen::frame::Telegram;
 use config::Config;
 use config::shipped::HAND_CONTROLLERS;
-use experiments::command::require_switch_box;
 use node::record::Record;
 use progress::Progress;
-use run::check::refuse_far_side;
+use run::check::{refuse_far_side, require_switch_box};
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results::{self, Force};
@@ -43,7 +44,7 @@ const MAX_LOGS: usize = 20;
 #[derive(Debug, Args)]
 pub struct Campaign {
     /// Seed of all random numbers: the same seed is the same campaign, bit for bit.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     seed: u64,
     /// Number of faults to inject.
     #[arg(long, value_name = "N", default_value = "200")]
@@ -99,34 +100,22 @@ pub(super) fn run(args: &Campaign, quiet: bool) -> Result<(), Failure> {
 }
 
 fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failure> {
-    let cases = Cases::new(args.seed, configs, args.faults.get(), args.only.as_deref());
-    if cases.cases().is_empty() {
-        let names: Vec<&str> = catalogue::kinds().map(|kind| kind.name).collect();
-        let only = args.only.as_deref().unwrap_or_default();
-        let renamed = catalogue::RENAMED.iter().find(|(former, _)| *former == only);
-        let reason = match renamed {
-            Some((_, kind)) => format!("--only {only}: the kind was renamed to \"{kind}\""),
-            None => {
-                let names = names.join(", ");
-                format!("--only {only}: unknown kind of fault; expected one of: {names}")
-            }
-        };
-        return Err(Failure::new(Kind::Usage, reason));
-    }
-    let total = u64::try_from(cases.cases().len()).unwrap_or(u64::MAX);
-    let progress = Progress::start(total, "faults", quiet).or_fail(Kind::System)?;
-    let on_case = || progress.advance(1);
-    let verdicts = progress.abandonable(print::error, || cases.run(threads(args), &on_case));
-    let verdicts = verdicts.or_fail(Kind::Drive)?;
-    let seconds = progress.elapsed().as_secs_f64();
-    progress.finish();
-    let verified = args.verify_replay.then(|| {
-        let command = |number| command(args, number);
-        ReplayReport::replay_all(&cases, &verdicts, threads(args), &command, quiet)
+    let configs: Arc<[Config]> = configs.into();
+    let task = Task {
+        seed: args.seed,
+        configs: &configs,
+        faults: args.faults,
+        only: args.only.as_deref(),
+        threads: threads(args),
+        is_replayed: args.verify_replay,
+    };
+    let Some(played) = task.play(quiet)? else { return Err(unknown_kind(args)) };
+    let CampaignResult { tally, count, bad, replays, played_for, replayed_for } = played;
+    let (table, seconds) = (tally.table(), played_for.as_secs_f64());
+    let verified = replays.map(|replays| {
+        print::note(&format!("replayed in {:.1} s", replayed_for.as_secs_f64()));
+        replays.report(&|number| command(args, number))
     });
-    let verified = verified.transpose()?;
-    let table = Table::from_verdicts(&verdicts);
-    let bad: Vec<&Verdict> = verdicts.iter().filter(|verdict| !verdict.is_good()).collect();
     if args.json {
         let failures: Vec<_> = bad.iter().map(|verdict| failure(args, verdict)).collect();
         let document = json!({ "seed": args.seed, "table": table, "failures": failures, "replayed": verified });
@@ -134,7 +123,6 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
     } else {
         let text = if args.markdown { table.markdown() } else { table.to_string() };
         print::line(&text);
-        let count = verdicts.len();
         let rate = f64::from(u32::try_from(count).unwrap_or(u32::MAX)) / seconds.max(1e-3);
         let seed = args.seed;
         print::note(&format!(
@@ -149,15 +137,29 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
     }
     let folder = folder(args)?;
     for verdict in bad.iter().take(MAX_LOGS) {
-        let one = Cases::of_one(args.seed, cases.configs().to_vec(), verdict.number);
+        let one = Cases::of_one(args.seed, configs.clone(), verdict.number);
         if let Some(one) = one {
             export(&folder, args, &one, &mut |_, _| {})?;
         }
     }
-    let count = bad.len();
     let reason =
-        format!("{count} of {}; logs in {}", counted(verdicts.len(), "fault"), folder.display());
+        format!("{} of {}; logs in {}", bad.len(), counted(count, "fault"), folder.display());
     Err(Failure::new(Kind::Negative, reason))
+}
+
+/// Returns the failure of `--only` with a kind that is unknown.
+fn unknown_kind(args: &Campaign) -> Failure {
+    let names: Vec<&str> = catalogue::kinds().map(|kind| kind.name).collect();
+    let only = args.only.as_deref().unwrap_or_default();
+    let renamed = catalogue::RENAMED.iter().find(|(former, _)| *former == only);
+    let reason = match renamed {
+        Some((_, kind)) => format!("--only {only}: the kind was renamed to \"{kind}\""),
+        None => {
+            let names = names.join(", ");
+            format!("--only {only}: unknown kind of fault; expected one of: {names}")
+        }
+    };
+    Failure::new(Kind::Usage, reason)
 }
 
 /// Returns `case 137 (hazard 3, TPDO lost): late`, with the required reaction and the command that replays the case.
@@ -249,18 +251,21 @@ fn figures(verdict: &Verdict) -> String {
     )
 }
 
-/// Prints the faults and the node's events since the last cycle.
+/// Prints the faults and the node's events since the last cycle, in the order of their times, which are those of `bus.log`.
 fn print_new(narrator: &mut EventNarrator, bench: &mut CaseBench<'_, '_>, record: &Record) {
-    narrator.scenario_start(bench.begun()).into_iter().for_each(|line| print::line(&line));
+    let begun = bench.begun();
+    let mut lines: Vec<_> =
+        narrator.scenario_start(begun).map(|line| (begun, line)).into_iter().collect();
     while let Some(notice) = bench.fault_notice() {
-        print::line(&narrator.fault(bench.begun(), &notice));
+        lines.push((begun + notice.at, narrator.fault(begun, &notice)));
     }
-    let now = bench.now();
-    while let Some(event) = bench.next_event() {
-        print::line(&narrator.event(now, &event));
+    while let Some((at, event)) = bench.tap_mut().next_event() {
+        lines.push((at, narrator.event(at, &event)));
     }
-    let lines = narrator.withdrawal(record).into_iter().chain(narrator.mode_change(record));
-    lines.for_each(|line| print::line(&line));
+    let changes = narrator.withdrawal(record).into_iter().chain(narrator.mode_change(record));
+    lines.extend(changes.map(|line| (record.at, line)));
+    lines.sort_by_key(|(at, _)| *at);
+    lines.iter().for_each(|(_, line)| print::line(line));
 }
 
 /// Replays the only case, and writes its session, its frames and its scenario.
@@ -340,7 +345,7 @@ fn soak(args: &Campaign, quiet: bool, configs: &[Config], cycles: u64) -> Result
         let found = json!({ "seed": args.seed, "cycles": played, "laps": laps.len(), "bad": bad.len(), "fidelity": fidelity });
         print::line(&found.to_string());
     } else {
-        fidelity.iter().for_each(|fidelity| print::line(&format!("felt at the hand: {fidelity}")));
+        fidelity.iter().for_each(|fidelity| print::line(&format!("felt at the hand  {fidelity}")));
         print::line(&format!(
             "{} in {}, {} with a stop or a violation",
             counted(played, "cycle"),

@@ -74,7 +74,10 @@ pub(super) fn run(args: &Decode, quiet: bool) -> Result<(), Failure> {
     });
     match written {
         Err(Broken::Input(error)) => {
-            return Err(Failure::new(Kind::File, format!("{name}: {error}")));
+            // Errors of a session name its file.
+            let is_named = session.is_some();
+            let reason = if is_named { error.to_string() } else { format!("{name}: {error}") };
+            return Err(Failure::new(Kind::File, reason));
         }
         Err(Broken::Output(error)) => {
             print::record_result(Err(error));

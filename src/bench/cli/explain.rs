@@ -1,7 +1,6 @@
-//! `frhc explain`: one controller cycle with every intermediate value of Fig. 3, the fault table, a robot arm, or a peg.
+//! `frhc explain`: one controller cycle with every intermediate value of Fig. 3, the fault table, or a robot arm.
 
 mod input;
-mod peg;
 mod rendered;
 mod robot;
 
@@ -11,7 +10,6 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 
 use crate::explain::input::Flags;
-use crate::explain::peg::Peg;
 use crate::explain::rendered::{json, text};
 use crate::explain::robot::Robot;
 use crate::faults::{self, Faults};
@@ -77,8 +75,6 @@ enum Topic {
     Faults(Faults),
     /// Prints pose, Jacobian, gravity torques and mass matrix of a robot arm at given joint positions.
     Robot(Robot),
-    /// Prints the contact of one peg with the plate and its hole, and where a lowered peg ends.
-    Peg(Peg),
 }
 
 /// Computes the cycle and prints it.
@@ -89,7 +85,6 @@ pub(super) fn run(args: &Explain) -> Result<(), Failure> {
             return Ok(());
         }
         Some(Topic::Robot(args)) => return robot::run(args),
-        Some(Topic::Peg(args)) => return peg::run(args),
         None => {}
     }
     if args.question.as_deref().is_some_and(|question| question == "faults") {

@@ -5,8 +5,6 @@ pub mod args;
 pub mod calib;
 pub mod campaign;
 pub mod decode;
-mod demo;
-mod event_narrator;
 pub mod explain;
 pub mod export;
 mod faults;
@@ -22,10 +20,8 @@ pub mod report;
 mod rig;
 mod robot;
 pub mod scan;
-mod scenario;
 pub mod sdo;
 mod session_config;
-mod session_inputs;
 mod session_progress;
 pub mod signal_list;
 mod sim;
@@ -35,7 +31,7 @@ mod whole_file;
 
 use clap::Subcommand;
 
-use crate::args::{Demo, Robot, Sim};
+use crate::args::{Robot, Sim};
 use crate::calib::Calib;
 use crate::campaign::Campaign;
 use crate::decode::Decode;
@@ -51,17 +47,12 @@ use crate::scan::Scan;
 use crate::sdo::Sdo;
 use crate::signal_list::SignalList;
 use crate::top::Top;
-use experiments::command::{self as experiment, Experiment};
 use run::exit::Failure;
 use view::command::{self as view_command, View};
 
 /// Commands that the rack does not need.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Runs node, simulated drives, operator and remote side in one process; opens no bus.
-    #[command(after_help = "Examples:\n  frhc demo --scenario faults/unplug\n  \
-        frhc demo --seconds 20 --out /tmp/session && log2asc -I /tmp/session/bus.log vcan0 vcan1")]
-    Demo(Demo),
     /// Injects many faults, one per simulated run, and checks the node's reaction to each.
     #[command(
         after_help = "The exit code is 1 when a fault was missed or detected late, a rule of the bus was violated, or the node \
@@ -72,9 +63,6 @@ pub enum Command {
             frhc campaign --seed 1 --soak 1000000"
     )]
     Campaign(Campaign),
-    /// Measures on the simulation what is felt and what it costs.
-    #[command(subcommand, after_help = "Example:\n  frhc experiment fidelity --short")]
-    Experiment(Experiment),
     /// Simulates the drives, switch box, arm and operator on SocketCAN, for `run` or any other master.
     #[command(
         after_help = "Prints the state of each drive at the end, and on SIGUSR1 or SIGQUIT (Ctrl-\\ at a terminal).\n\nExamples:\n  \
@@ -147,7 +135,7 @@ pub enum Command {
         after_help = "A quantity has a plot for each of its units; a curve shows smallest and largest value of each pixel. Modes \
             and stops are above.\n\nExamples:\n  \
             frhc plot /tmp/session f_s f_g_task -o felt.svg\n  \
-            frhc plot /tmp/session '*.elbow' --from 5s --to 8s -o elbow.png"
+            frhc plot /tmp/session '*.elbow' --from 5s --to 8s -o elbow.svg"
     )]
     Plot(Plot),
     /// Lists the signals of a recorded session, with unit and frame.
@@ -190,9 +178,7 @@ impl Command {
     /// Returns the failure, with its exit code.
     pub fn execute(&self, is_quiet: bool) -> Result<(), Failure> {
         match self {
-            Self::Demo(args) => demo::run(args, is_quiet),
             Self::Campaign(args) => campaign::run(args, is_quiet),
-            Self::Experiment(experiment) => experiment::run(experiment, is_quiet),
             Self::Sim(args) => sim::run(args),
             Self::Robot(args) => robot::run(args),
             Self::Plan(args) => plan::run(args),

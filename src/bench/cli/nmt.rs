@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use clap::{Args, Subcommand};
 
-use crate::live_bus::{BusArgs, ForceArg, NodeArg, SessionError, node_arg, parsers};
+use crate::live_bus::{BusArgs, ForceArg, NodeArg, SessionError, node_arg};
 use canopen::nmt::{self, Order};
 use canopen::{NmtCommand, NmtState, NodeId, heartbeat};
 use canopen_tools::diagnostics::beats::Beat;
@@ -74,7 +74,7 @@ struct Command {
 #[derive(Clone, Copy, Debug, Args)]
 struct WatchArgs {
     /// End after this many seconds.
-    #[arg(long, value_name = "N", value_parser = parsers::seconds, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = demo::parsers::seconds, allow_negative_numbers = true)]
     seconds: Option<f64>,
     /// Time without heartbeat after which a node is reported lost.
     #[arg(long, value_name = "MS", default_value_t = 2_000,

@@ -35,7 +35,7 @@ pub struct Plot {
     signals: Vec<String>,
     #[command(flatten)]
     span: Span,
-    /// File to write, by its extension a picture (`.svg`, `.png`) or a table (`.csv`) [default: SVG on stdout].
+    /// File to write, by its extension a picture (`.svg`; `.png` where the build has it) or a table (`.csv`) [default: SVG on stdout].
     #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -46,6 +46,7 @@ pub struct Plot {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Form {
     Svg,
+    #[cfg(feature = "png")]
     Png,
     Csv,
 }
@@ -63,7 +64,16 @@ impl Form {
         };
         match path.extension().and_then(|extension| extension.to_str()) {
             Some("svg") => Ok(Self::Svg),
+            #[cfg(feature = "png")]
             Some("png") => Ok(Self::Png),
+            #[cfg(not(feature = "png"))]
+            Some("png") => {
+                let path = path.display();
+                let reason = format!(
+                    "--out {path}: this build draws no PNG; give FILE.svg, or build with --features png"
+                );
+                Err(Failure::new(Kind::Usage, reason))
+            }
             Some("csv") => Ok(Self::Csv),
             Some(_) | None => {
                 let path = path.display();
@@ -109,6 +119,7 @@ pub(super) fn run(args: &Plot, is_quiet: bool) -> Result<(), Failure> {
     };
     let svg = picture::standalone(&strip.svg(WIDTH));
     let content = match form {
+        #[cfg(feature = "png")]
         Form::Png => picture::png(&svg).or_fail(Kind::File)?,
         Form::Svg | Form::Csv => svg.into_bytes(),
     };

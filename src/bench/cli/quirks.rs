@@ -4,7 +4,6 @@ use std::str::FromStr;
 
 use clap::Args;
 
-use canopen::eds::EdsObject;
 use config::Config;
 use run::exit::{Failure, Kind};
 use sim::quirks::{Quirk, QuirkAssignment};
@@ -71,31 +70,6 @@ impl QuirkArgs {
     }
 }
 
-/// Checks that each drive has the objects in which its quirks store a value.
-pub(super) fn check(config: &Config, assignment: &QuirkAssignment) -> Result<(), Failure> {
-    for (number, joint) in Joint::ALL.into_iter().zip(&config.joints) {
-        for quirk in assignment.for_joint(number).iter() {
-            let Some((object, value)) = quirk.stores() else { continue };
-            let file = config.file.display();
-            let refuse = |reason: String| {
-                let words =
-                    format!("{file}: joint {number} ({}), quirk {quirk}: {reason}", joint.name);
-                Err(Failure::new(Kind::Configuration, words))
-            };
-            let described = joint.eds.object(object);
-            let Some(bits) = described.and_then(EdsObject::bits) else {
-                return refuse(format!(
-                    "its EDS has no integer at {object}; choose an object of the drive"
-                ));
-            };
-            if u64::from(value).checked_shr(bits.into()).unwrap_or(0) != 0 {
-                return refuse(format!("{object} has {bits} bits, got {value}"));
-            }
-        }
-    }
-    Ok(())
-}
-
 /// Names the new option.
 fn refuse_personality(_: &str) -> Result<String, String> {
     Err("--personality was renamed to --quirks".to_owned())
@@ -129,7 +103,9 @@ mod tests {
     #[test]
     fn value_for_an_absent_object_is_refused() {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
-        let checked = |part| check(&config, &assign(&[part]).unwrap()).map_err(|f| f.to_string());
+        let checked = |part| {
+            demo::quirks::check(&config, &assign(&[part]).unwrap()).map_err(|f| f.to_string())
+        };
         assert_eq!(checked("all=stored:6091h:1=2,polarity-reversed,slow-sdo"), Ok(()));
         for (part, words) in [
             (

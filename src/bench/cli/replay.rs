@@ -5,6 +5,7 @@ mod extent;
 mod frame_file;
 mod open_loop;
 mod trip_comparison;
+mod verdict;
 
 use std::path::PathBuf;
 
@@ -14,6 +15,7 @@ use crate::replay::difference::end;
 use crate::replay::extent::Extent;
 use crate::replay::frame_file::FrameFile;
 use crate::replay::trip_comparison::TripComparison;
+use crate::replay::verdict::Verdict;
 use crate::session_config::{configuration, equipped};
 use crate::session_progress;
 use crate::span::Place;
@@ -29,7 +31,7 @@ pub struct ReplayArgs {
     /// Folder of the session, or of a fault record in it.
     #[arg(value_name = "SESSION")]
     session: PathBuf,
-    /// Fail as well where the recording ends early or has a gap: exit code 1.
+    /// Fail as well where a killed node has left the recording, or it has a gap: exit code 1.
     #[arg(long)]
     verify: bool,
     /// Write the frames that the node sends into this file, in candump's format; those of a fault record from 2 s before it.
@@ -55,6 +57,7 @@ pub(super) fn run(args: &ReplayArgs, is_quiet: bool) -> Result<(), Failure> {
     let fault = FaultRecord::open(&args.session).or_fail(Kind::File)?;
     let folder = fault.as_ref().map_or(&args.session, |fault| &fault.session);
     let session = Session::open(folder).or_fail(Kind::File)?;
+    session.check_log().or_fail(Kind::File)?;
     let config = configuration(&session)?;
     let extent = Extent::new(args.from, args.to, fault.as_ref());
     let remark = || session.remarks().iter().for_each(|remark| print::note(remark));
@@ -101,7 +104,8 @@ fn report(
     trip: Option<&TripComparison>,
 ) -> Result<(), Failure> {
     let outcome = replay.outcome();
-    let end = end(session, replay)?;
+    let verdict = Verdict::new(outcome, session);
+    let end = verdict.words(&end(session, replay)?);
     if args.json {
         let intermediate = outcome
             .intermediate
@@ -112,6 +116,7 @@ fn report(
             "last_cycle": outcome.last_cycle,
             "is_equal": outcome.is_equal(),
             "is_complete": outcome.is_complete(),
+            "verdict": verdict,
             "end": end,
             "intermediate": intermediate,
             "trip": trip,
@@ -133,9 +138,8 @@ fn report(
         }
         trip.iter().for_each(|trip| print::line(&trip.to_string()));
     }
-    let is_complete = outcome.is_complete() || !args.verify;
-    if !outcome.is_equal() || !is_complete {
-        return Err(Failure::new(Kind::Negative, end));
+    if let Some(kind) = verdict.failure(args.verify) {
+        return Err(Failure::new(kind, end));
     }
     trip.map_or(Ok(()), TripComparison::ensure_found)
 }

@@ -7,7 +7,7 @@ use clap::Args;
 
 use crate::session_config::configuration;
 use crate::whole_file::WholeFile;
-use ::report::{Interruption, Subject};
+use ::report::{Interruption, Page, Subject};
 use config::Config;
 use progress::Progress;
 use run::exit::{Failure, Kind, OrFail};
@@ -56,10 +56,12 @@ pub(super) fn run(args: &ReportArgs, is_quiet: bool) -> Result<(), Failure> {
     progress.check().or_fail(Kind::Interrupted)?;
     progress.finish();
     let page = page.map_err(|Interruption| progress.interrupted()).or_fail(Kind::Interrupted)?;
-    if let Err(error) = file.write_all(page.as_bytes()) {
+    let Page { html, remarks } = page;
+    if let Err(error) = file.write_all(html.as_bytes()) {
         return file.abandon(error);
     }
     file.finish()?;
+    remarks.iter().for_each(|remark| print::note(remark));
     print::line(&path.display().to_string());
     Ok(())
 }

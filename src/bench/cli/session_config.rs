@@ -7,9 +7,9 @@ use config::Config;
 use config::files::Files;
 use config::problem;
 use config::robots::RobotArm;
-use experiments::comparison;
 use run::exit::{Failure, Kind, OrFail};
 use sim::scenario::Scenario;
+use testbench::comparison;
 
 /// Returns the configuration of a session's node.
 pub(super) fn configuration(session: &Session) -> Result<Config, Failure> {
@@ -31,8 +31,9 @@ pub(super) fn equipped(session: &Session, config: Config) -> Result<Config, Fail
     let config = match &manifest.scenario {
         Some(path) => {
             let text = problem::text(&files, Path::new(path)).or_fail(Kind::Configuration)?;
-            let scenario = Scenario::parse(&text);
-            comparison::surrounded(&config, &scenario.or_fail(Kind::Configuration)?)
+            let scenario = Scenario::parse(&text)
+                .map_err(|error| Failure::new(Kind::Configuration, format!("{path}:{error}")));
+            comparison::surrounded(&config, &scenario?)
         }
         None => config,
     };

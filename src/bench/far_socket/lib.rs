@@ -59,7 +59,9 @@ impl SocketEvent {
     /// Writes the line.
     pub fn log(&self) {
         match self {
-            Self::Absent(path) => tracing::info!("{}: waits for a node", path.display()),
+            Self::Absent(path) => {
+                tracing::info!("{}: waits for a node; none listens there yet", path.display());
+            }
             Self::NoFolder(path) => tracing::warn!(
                 "{}: waits for a node; the folder does not exist, is the path the node's?",
                 path.display()

@@ -10,6 +10,7 @@ use crate::diagnostics::Diagnostics;
 use crate::frames;
 use crate::json::{Status, Torques};
 use crate::messages::{Header, JointState, PoseStamped, ScrewStamped, Time};
+use crate::pace::{Decimation, Pace};
 use crate::topics::{ARM_BASE, GRIP, OBJECT, OBJECT_BASE, SENSOR, Topic};
 use crate::writer::Messages;
 use contract::{Command, Echo, Head, Order};
@@ -41,6 +42,15 @@ pub enum Content {
     RosTypes,
 }
 
+/// Part of a session that a file has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Extent {
+    /// Topics of the file.
+    pub content: Content,
+    /// Rate of `/tf`, status and torques.
+    pub pace: Pace,
+}
+
 /// Result of an export.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExportSummary {
@@ -58,12 +68,12 @@ pub struct ExportSummary {
 /// Returns an error if the session cannot be read, or the file cannot be written.
 pub fn export(
     recording: &Recording<'_>,
-    content: Content,
+    extent: Extent,
     out: impl Write,
     mut choose: impl FnMut(&Cycle<'_>) -> Choice,
 ) -> Result<ExportSummary, ExportError> {
     let mut cycles = recording.cycles()?;
-    let mut exporter = Exporter::start(recording, content, out)?;
+    let mut exporter = Exporter::start(recording, extent, out)?;
     while let Some(cycle) = cycles.next() {
         match choose(&cycle) {
             Choice::Skip => {}
@@ -81,6 +91,7 @@ struct Exporter<'a, W: Write> {
     /// Time zero of the session, in ns since 1970.
     origin_ns: u64,
     diagnostics: Diagnostics,
+    decimation: Decimation,
     cycles: u64,
     /// Cycles without a record, and the first of them.
     unreplayed: u64,
@@ -91,15 +102,15 @@ struct Exporter<'a, W: Write> {
 
 impl<'a, W: Write> Exporter<'a, W> {
     /// Starts a file with what the session is a recording of.
-    fn start(recording: &Recording<'a>, content: Content, out: W) -> Result<Self, ExportError> {
-        let is_in_it = |topic: &Topic| content == Content::All || topic.encoding().is_ros();
+    fn start(recording: &Recording<'a>, extent: Extent, out: W) -> Result<Self, ExportError> {
+        let is_in_it = |topic: &Topic| extent.content == Content::All || topic.encoding().is_ros();
         let mut out = Messages::new(out, Topic::ALL.into_iter().filter(is_in_it))?;
         let session = recording.session();
         let origin_ns = session.manifest().origin_us.saturating_mul(1_000);
-        out.put_metadata("frhc.session", facts(session))?;
+        out.put_metadata("frhc.session", &facts(session))?;
         let files = session.manifest().files.iter();
         let hashes = files.clone().map(|file| (file.copy.clone(), file.sha256.clone())).collect();
-        out.put_metadata("frhc.sha256", hashes)?;
+        out.put_metadata("frhc.sha256", &hashes)?;
         for file in files {
             let content = session.copies().get(std::path::Path::new(&file.path));
             if let Some(content) = content {
@@ -111,6 +122,7 @@ impl<'a, W: Write> Exporter<'a, W> {
             recording: *recording,
             origin_ns,
             diagnostics: Diagnostics::default(),
+            decimation: Decimation::new(extent.pace),
             cycles: 0,
             unreplayed: 0,
             first_unreplayed: None,
@@ -137,21 +149,31 @@ impl<'a, W: Write> Exporter<'a, W> {
         if let Some(message) = self.diagnostics.take(cycle, config, names, stamp) {
             self.out.put(Topic::Diagnostics, nanos, &message)?;
         }
-        self.out.put(Topic::Status, nanos, &Status::new(cycle, q, names))?;
+        let is_due = self.decimation.is_due(cycle.at, (cycle.mode, cycle.cause()));
+        if is_due {
+            self.out.put(Topic::Status, nanos, &Status::new(cycle, q, names))?;
+        }
         let sensed = ScrewStamped { header: header(stamp, SENSOR), screw: cycle.f_s.into() };
         self.out.put(Topic::ObjectMeasuredCf, nanos, &sensed)?;
         if let Some(q) = &q {
             self.joints(nanos, stamp, q, cycle.tau().as_ref())?;
         }
         let posture = q.map(|q| config.controller.arm.posture(&JointVector::from(q)));
-        let arm = posture.as_ref().map(|posture| (&config.controller.arm, posture));
-        let x_b_m = cycle.record.map(|record| record.x_b_m);
-        self.out.put(Topic::Tf, nanos, &frames::moving(stamp, arm, x_b_m))?;
+        if is_due {
+            let arm = posture.as_ref().map(|posture| (&config.controller.arm, posture));
+            let x_b_m = cycle.record.map(|record| record.x_b_m);
+            self.out.put(Topic::Tf, nanos, &frames::moving(stamp, arm, x_b_m))?;
+        }
         if let Some(posture) = &posture {
             self.pose(Topic::MeasuredCp, nanos, stamp, ARM_BASE, posture.x_0_g)?;
         }
         match cycle.record {
-            Some(record) => self.replayed(nanos, stamp, record),
+            Some(record) => {
+                if is_due {
+                    self.out.put(Topic::Torques, nanos, &Torques::new(record))?;
+                }
+                self.replayed(nanos, stamp, record)
+            }
             None => {
                 self.unreplayed += 1;
                 self.first_unreplayed.get_or_insert(cycle.number);
@@ -204,8 +226,7 @@ impl<'a, W: Write> Exporter<'a, W> {
             self.out.put(Topic::ObjectSetpointCv, nanos, &v_m)?;
         }
         let command = self.command(record);
-        self.out.put_bytes(Topic::Command, nanos, &command)?;
-        self.out.put(Topic::Torques, nanos, &Torques::new(record))
+        self.out.put_bytes(Topic::Command, nanos, &command)
     }
 
     /// Returns the command of a cycle as a message of the link, outside of any session: its number is that of the cycle.
@@ -244,7 +265,7 @@ impl<'a, W: Write> Exporter<'a, W> {
         for (number, warning) in (1..).zip(&warnings) {
             texts.insert(format!("warning_{number}"), warning.clone());
         }
-        self.out.put_metadata("frhc.findings", texts)?;
+        self.out.put_metadata("frhc.findings", &texts)?;
         let counts = Topic::ALL.map(|topic| (topic.name(), self.out.count(topic)));
         let messages = counts.into_iter().filter(|(_, count)| *count > 0).collect();
         let cycles = self.cycles;

@@ -1,24 +1,18 @@
-//! Messages in an MCAP file: its channels, its records about the session, and the summary at its end.
+//! Messages by topic in an MCAP file, encoded as their topics want.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::Write;
 
-use mcap::records::{MessageHeader, Metadata};
-use mcap::write::NoSeek;
-use mcap::{Attachment, WriteOptions, Writer};
 use serde::Serialize;
 
 use crate::ExportError;
 use crate::cdr;
+use crate::container::Container;
 use crate::topics::{Encoding, Topic};
 
-/// Size of a chunk, in bytes. A file of 100 GB then has 25,000 of them, whose index is held in memory.
-const CHUNK_SIZE: u64 = 4 << 20;
-
-/// MCAP file under construction. It is written from its start to its end, so that any stream can take it.
+/// MCAP file of topics under construction.
 pub(crate) struct Messages<W: Write> {
-    writer: Writer<NoSeek<W>>,
+    file: Container<W>,
     channels: Vec<Channel>,
     buffer: Vec<u8>,
 }
@@ -34,24 +28,16 @@ struct Channel {
 impl<W: Write> Messages<W> {
     /// Starts a file with the channels of these topics.
     pub(crate) fn new(out: W, topics: impl Iterator<Item = Topic>) -> Result<Self, ExportError> {
-        let options = WriteOptions::new()
-            .profile("ros2")
-            .library(concat!("frhc ", env!("CARGO_PKG_VERSION")))
-            .compression(None)
-            .chunk_size(Some(CHUNK_SIZE))
-            .disable_seeking(true);
-        let mut writer = options.create(NoSeek::new(out))?;
+        let mut file = Container::new(out, "ros2", concat!("frhc ", env!("CARGO_PKG_VERSION")))?;
         let mut channels = Vec::new();
         for topic in topics {
             let encoding = topic.encoding();
             let (schema_encoding, text, message_encoding) = encoding.schema();
-            let name = encoding.schema_name();
-            let schema = writer.add_schema(&name, schema_encoding, text.as_bytes())?;
-            let metadata = metadata(topic);
-            let id = writer.add_channel(schema, topic.name(), message_encoding, &metadata)?;
+            let schema = file.schema(&encoding.schema_name(), schema_encoding, &text)?;
+            let id = file.channel(schema, topic.name(), message_encoding, &metadata(topic))?;
             channels.push(Channel { topic, id, messages: 0 });
         }
-        Ok(Self { writer, channels, buffer: Vec::new() })
+        Ok(Self { file, channels, buffer: Vec::new() })
     }
 
     /// Writes a message of a topic, if the file has it, at a time in ns.
@@ -87,23 +73,18 @@ impl<W: Write> Messages<W> {
         let Some(channel) = self.channels.iter_mut().find(|channel| channel.topic == topic) else {
             return Ok(());
         };
-        let header = MessageHeader {
-            channel_id: channel.id,
-            sequence: channel.messages,
-            log_time: nanos,
-            publish_time: nanos,
-        };
+        let sequence = channel.messages;
         channel.messages = channel.messages.wrapping_add(1);
-        Ok(self.writer.write_to_known_channel(&header, bytes)?)
+        Ok(self.file.message(channel.id, sequence, nanos, bytes)?)
     }
 
     /// Writes a record of named texts.
     pub(crate) fn put_metadata(
         &mut self,
         name: &str,
-        texts: BTreeMap<String, String>,
+        texts: &BTreeMap<String, String>,
     ) -> Result<(), ExportError> {
-        Ok(self.writer.write_metadata(&Metadata { name: name.to_owned(), metadata: texts })?)
+        Ok(self.file.metadata(name, texts)?)
     }
 
     /// Writes a file that belongs to the session.
@@ -113,13 +94,7 @@ impl<W: Write> Messages<W> {
         nanos: u64,
         content: &[u8],
     ) -> Result<(), ExportError> {
-        Ok(self.writer.attach(&Attachment {
-            log_time: nanos,
-            create_time: nanos,
-            name: name.to_owned(),
-            media_type: "text/plain".to_owned(),
-            data: Cow::Borrowed(content),
-        })?)
+        Ok(self.file.attachment(name, "text/plain", nanos, content)?)
     }
 
     /// Returns the number of messages of a topic.
@@ -129,10 +104,8 @@ impl<W: Write> Messages<W> {
     }
 
     /// Writes the summary and the end of the file.
-    pub(crate) fn finish(mut self) -> Result<(), ExportError> {
-        self.writer.finish()?;
-        let mut out = self.writer.into_inner().into_inner();
-        out.flush().map_err(ExportError::Write)
+    pub(crate) fn finish(self) -> Result<(), ExportError> {
+        Ok(self.file.finish()?)
     }
 }
 

@@ -328,7 +328,8 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
         Ok(())
     }
 
-    fn wait(&mut self, _: Instant, until: Instant) -> Wake {
+    fn wait(&mut self, _: Instant, from: Instant, until: Instant) -> Wake {
+        self.pass_time(from.min(until));
         let received = self.next_received(until);
         Wake { now: self.now(), received }
     }
@@ -348,6 +349,15 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
 }
 
 impl<S: Station, T: Tap> Memory<S, T> {
+    /// Lets time pass until `until`, whatever is received.
+    fn pass_time(&mut self, until: Instant) {
+        let until_ns = until.as_micros() * MICRO;
+        while self.now_ns < until_ns {
+            self.apply_changes();
+            self.advance(self.next(until_ns));
+        }
+    }
+
     /// Lets time pass until the next event, until `until` at the latest.
     fn next_received(&mut self, until: Instant) -> Option<ReceivedEvent> {
         loop {

@@ -1,5 +1,5 @@
 //! Pictures: charts of experiments, histograms, and time series of sessions with extremes, modes and events. Pictures are
-//! SVG, or PNG rendered from it.
+//! SVG, or PNG rendered from it (feature `png`).
 //!
 //! ```
 //! use picture::strip::{Curve, Extent, Plot, Strip};
@@ -18,6 +18,7 @@ mod curve;
 pub mod histogram;
 mod ink;
 mod legend;
+#[cfg(feature = "png")]
 mod raster;
 pub mod strip;
 mod theme;
@@ -25,5 +26,6 @@ mod trace;
 
 pub use chart::{Ink, Panel, Series, svg};
 pub use ink::escaped;
+#[cfg(feature = "png")]
 pub use raster::{RasterError, png};
 pub use theme::{STYLE, standalone};

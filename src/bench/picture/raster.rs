@@ -32,7 +32,7 @@ impl std::error::Error for RasterError {}
 /// Returns an error if the picture is not SVG, or is too large.
 pub fn png(svg: &str) -> Result<Vec<u8>, RasterError> {
     let svg = if svg.contains("<style>") { svg.to_owned() } else { theme::standalone(svg) };
-    let svg = theme::light(&svg);
+    let svg = light(&svg);
     let mut fonts = Database::new();
     fonts.load_font_data(dejavu::sans::regular().to_vec());
     fonts.set_sans_serif_family(FAMILY);
@@ -44,6 +44,16 @@ pub fn png(svg: &str) -> Result<Vec<u8>, RasterError> {
     let mut pixmap = pixmap.ok_or_else(|| RasterError("it is too large".to_owned()))?;
     resvg::render(&tree, Transform::from_scale(SCALE, SCALE), &mut pixmap.as_mut());
     pixmap.encode_png().map_err(|error| RasterError(error.to_string()))
+}
+
+/// Removes the colours of the dark theme, which the PNG renderer does not support, from the end of a stylesheet.
+fn light(svg: &str) -> String {
+    match (svg.find("@media"), svg.find("</style>")) {
+        (Some(begin), Some(end)) if begin < end => {
+            [svg.get(..begin), svg.get(end..)].into_iter().flatten().collect()
+        }
+        _ => svg.to_owned(),
+    }
 }
 
 #[cfg(test)]
@@ -69,5 +79,11 @@ mod tests {
     #[test]
     fn text_that_is_no_picture_is_refused() {
         assert!(png("<html>").unwrap_err().to_string().starts_with("cannot render"));
+    }
+
+    #[test]
+    fn colours_of_the_dark_theme_are_removed() {
+        let text = light(&crate::theme::standalone("<svg class=\"pic\"><path/></svg>"));
+        assert!(!text.contains("@media") && text.contains("</style><path/>"), "{text}");
     }
 }

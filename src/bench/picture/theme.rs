@@ -58,16 +58,6 @@ pub fn standalone(svg: &str) -> String {
     }
 }
 
-/// Removes the colours of the dark theme, which the PNG renderer does not support, from the end of a stylesheet.
-pub(crate) fn light(svg: &str) -> String {
-    match (svg.find("@media"), svg.find("</style>")) {
-        (Some(begin), Some(end)) if begin < end => {
-            [svg.get(..begin), svg.get(end..)].into_iter().flatten().collect()
-        }
-        _ => svg.to_owned(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -95,7 +85,5 @@ mod tests {
         assert!(text.starts_with("<svg class=\"pic\"><style>.pic"), "{text}");
         assert_eq!(text.matches("<style>").count(), 1);
         assert_eq!(standalone("no picture"), "no picture");
-        let text = light(&text);
-        assert!(!text.contains("@media") && text.contains("</style><path/>"), "{text}");
     }
 }

@@ -4,20 +4,37 @@ use std::collections::VecDeque;
 use std::io::{self, BufRead, Read};
 use std::path::{Path, PathBuf};
 
+use crate::bounded_lines::BoundedLines;
 use crate::part_file::PartFile;
 
 /// Frames and cycles of a session: the parts that are there, in their order, plain or packed. Each begins with a new line.
+/// Lines above [`MAX_LINE`](crate::MAX_LINE) are an error. Errors name the file.
 #[derive(Debug)]
 pub struct BusLog {
     /// Parts that are still to be read.
     rest: VecDeque<PathBuf>,
-    current: Option<(PathBuf, PartFile)>,
+    current: Option<(PathBuf, BoundedLines<PartFile>)>,
     /// Set if the last byte that was read ends a line.
     is_at_line_start: bool,
 }
 
 impl BusLog {
-    pub(super) fn new(parts: impl IntoIterator<Item = PathBuf>) -> Self {
+    /// Opens the first of these files.
+    ///
+    /// # Errors
+    /// Returns an error without a file, or if the first cannot be read.
+    pub fn open(parts: impl IntoIterator<Item = PathBuf>) -> io::Result<Self> {
+        let mut log = Self::new(parts);
+        if log.rest.is_empty() {
+            let reason = "bus.log: No such file or directory";
+            return Err(io::Error::new(io::ErrorKind::NotFound, reason));
+        }
+        // An invalid gzip file is found here.
+        log.fill_buf()?;
+        Ok(log)
+    }
+
+    fn new(parts: impl IntoIterator<Item = PathBuf>) -> Self {
         Self { rest: parts.into_iter().collect(), current: None, is_at_line_start: true }
     }
 
@@ -38,7 +55,7 @@ impl BusLog {
                 return Ok(());
             };
             let file = PartFile::open(&path).map_err(|error| named(&path, &error))?;
-            self.current = Some((path, file));
+            self.current = Some((path, BoundedLines::new(file)));
         }
     }
 }
@@ -121,6 +138,24 @@ mod tests {
         let parts = [("a\nhal", false), ("c\n", true), ("end", false)];
         assert_eq!(read("log-cut", &parts), "a\nhal\nc\nend\n");
         assert_eq!(read("log-none", &[]), "");
+    }
+
+    #[test]
+    fn endless_line_is_named_by_file_and_line() {
+        let folder = std::env::temp_dir().join(format!("frhc-{}-log-zeros", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        let paths = ["1", "2"].map(|name| folder.join(name));
+        fs::write(&paths[0], "a\nb\n").unwrap();
+        fs::write(&paths[1], "c\n").unwrap();
+        // A sparse file takes no room on the disk.
+        let sparse = fs::File::options().append(true).open(&paths[1]).unwrap();
+        sparse.set_len(10_000_000_000).unwrap();
+        let read: Vec<_> = BusLog::new(paths.clone()).lines().take(4).collect();
+        assert!(read[..3].iter().all(Result::is_ok));
+        let error = read[3].as_ref().unwrap_err().to_string();
+        let expected = format!("{}: line 2 is longer than 1 MiB", paths[1].display());
+        assert!(error.starts_with(&expected), "{error}");
+        fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]

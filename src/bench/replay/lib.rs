@@ -7,6 +7,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod bounded_lines;
 mod bus_log;
 mod bus_log_parts;
 mod fault_record;
@@ -21,6 +22,7 @@ mod replayed_remote;
 mod session;
 mod source;
 
+pub use bounded_lines::{BoundedLines, MAX_LINE};
 pub use bus_log_parts::BusLog;
 pub use fault_record::{FaultRecord, FaultRecordError};
 pub use input_parts::{InputParts, PartError, PartErrorKind};

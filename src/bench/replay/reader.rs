@@ -18,6 +18,7 @@ use node::Request;
 use node::cause::ResetReason;
 use remote::{RemoteSample, SideError};
 use units::adjustment::InvalidAdjustment;
+use units::numbering::Joint;
 use units::spatial::Wrench;
 use units::time::Instant;
 
@@ -113,7 +114,7 @@ impl<R: BufRead> InputReader<R> {
     fn entry(&mut self) -> Result<Input, ReadError> {
         let tag = self.byte()?;
         match tag {
-            table::NEW..=table::ADJUST => self.call(tag).map(Input::Call),
+            table::NEW..=table::ZERO => self.call(tag).map(Input::Call),
             table::RETURNED => Ok(Input::Returned(u32::from_le_bytes(self.bytes()?))),
             table::INTERMEDIATES => {
                 let cycle = self.varint()?;
@@ -144,6 +145,13 @@ impl<R: BufRead> InputReader<R> {
             table::COMMAND_POSE => Call::Request(Request::Command(CommandMode::Pose)),
             table::CYCLE => Call::Cycle,
             table::STOP => Call::Stop,
+            table::ZERO => Call::Request(Request::Zero(match self.byte()? {
+                0 => None,
+                number => match Joint::new(number) {
+                    Some(joint) => Some(joint),
+                    None => return self.malformed("unknown joint"),
+                },
+            })),
             table::ADJUST => match self.text()?.parse() {
                 Ok(adjustment) => Call::Request(Request::Adjust(adjustment)),
                 Err(InvalidAdjustment(_)) => return self.malformed("unknown adjustment"),
@@ -427,6 +435,8 @@ mod tests {
             Just(Call::BringUpUnpowered(ResetReason::NoLatch)),
             Just(Call::Request(Request::Arm)),
             Just(Call::Request(Request::Disarm)),
+            Just(Call::Request(Request::Zero(None))),
+            Just(Call::Request(Request::Zero(Some(Joint::of::<6>())))),
             Just(Call::Request(Request::Reset)),
             Just(Call::Request(Request::Command(CommandMode::Rate))),
             Just(Call::Request(Request::Command(CommandMode::Pose))),

@@ -68,7 +68,7 @@ impl Bus for ReplayedBus {
         self.source.take_if_next(refused).map_or(Ok(()), Err)
     }
 
-    fn wait(&mut self, _: Instant, until: Instant) -> Wake {
+    fn wait(&mut self, _: Instant, _: Instant, until: Instant) -> Wake {
         let wake = self.source.take("waits for a frame", answer!(Input::Woken(wake) => *wake));
         // Without an answer time passes, so that the call comes to its end.
         let wake = wake.unwrap_or(Wake { now: until.max(self.now.get()), received: None });

@@ -1,6 +1,6 @@
 //! Reader of the folder of a recorded session.
 
-use std::io::{self, BufRead};
+use std::io;
 use std::path::{Component, Path, PathBuf};
 
 use sha2::{Digest, Sha256};
@@ -19,6 +19,7 @@ use config::files::{self, Copies};
 use telemetry::manifest::{FORMAT, FileCopy, Manifest, OLDEST_FORMAT, SessionKind};
 use telemetry::parts::{Part, Parts, Stream};
 use telemetry::recording::RecordingReport;
+use telemetry::recording_lock::RecordingLock;
 
 /// Maximum size of the description, and of a copied file, in bytes.
 const MAX_SIZE: u64 = 4 << 20;
@@ -47,9 +48,17 @@ struct Summary {
 /// Reasons why a session cannot be used.
 #[derive(Debug, Error)]
 pub enum SessionError {
+    /// Path without a description.
+    #[error(
+        "{folder}: not a session: it has no session.json; give the folder that --record has written"
+    )]
+    NotASession { folder: PathBuf },
     /// File that cannot be read.
     #[error("{file}: {error}")]
     Unreadable { file: PathBuf, error: io::Error },
+    /// Part of `bus.log` that cannot be read; the error names it.
+    #[error(transparent)]
+    Log(io::Error),
     /// Invalid description.
     #[error("{file}: {error}")]
     Invalid { file: PathBuf, error: serde_json::Error },
@@ -79,7 +88,15 @@ impl Session {
     /// Returns an error if a file is missing, of another version, or not as recorded.
     pub fn open(folder: &Path) -> Result<Self, SessionError> {
         let file = folder.join(DESCRIPTION);
-        let text = read(&file)?;
+        let text = match read(&file) {
+            Err(SessionError::Unreadable { error, .. })
+                if [io::ErrorKind::NotFound, io::ErrorKind::NotADirectory]
+                    .contains(&error.kind()) =>
+            {
+                return Err(SessionError::NotASession { folder: folder.to_path_buf() });
+            }
+            text => text?,
+        };
         let manifest: Manifest = match serde_json::from_slice(&text) {
             Ok(manifest) => manifest,
             Err(error) => return Err(SessionError::Invalid { file, error }),
@@ -114,8 +131,11 @@ impl Session {
             .map(|file| format!("{}: is missing", self.folder.join(file).display()))
             .collect();
         match &self.recording {
-            None => remarks
-                .push(format!("{folder}: no {SUMMARY}: the recording goes on, or was killed")),
+            None => remarks.push(match RecordingLock::is_held(&self.folder.join(DESCRIPTION)) {
+                Some(true) => format!("{folder}: the recording goes on"),
+                Some(false) => format!("{folder}: no {SUMMARY}: the recording was killed"),
+                None => format!("{folder}: no {SUMMARY}: the recording goes on, or was killed"),
+            }),
             Some(RecordingReport { ended_early: Some(reason), .. }) => {
                 remarks.push(format!("{folder}: the recording has ended early: {reason}"));
             }
@@ -124,20 +144,38 @@ impl Session {
         remarks
     }
 
+    /// Returns whether the recording has come to the end of its run, by its summary. Its inputs are whole then.
+    pub fn is_finished(&self) -> bool {
+        matches!(self.recording, Some(RecordingReport { ended_early: None, .. }))
+    }
+
     /// Returns frames and cycles: all parts of `bus.log` that are there, plain or packed, as one log.
     ///
     /// # Errors
     /// Returns an error if no part exists, or the first cannot be read.
     pub fn bus_log(&self) -> Result<BusLog, SessionError> {
-        let parts = self.parts.stream(Stream::BusLog).flatten();
-        let mut parts = parts.map(|part| self.folder.join(part.name())).peekable();
+        let mut parts = self.log_files().peekable();
         let none = || self.folder.join(Stream::BusLog.part(1));
         let first = parts.peek().cloned().unwrap_or_else(none);
         PartFile::open(&first).map_err(|error| unreadable(&first, error))?;
-        let mut log = BusLog::new(parts);
-        // What is no gzip is found here.
-        log.fill_buf().map_err(|error| unreadable(&self.folder, error))?;
-        Ok(log)
+        BusLog::open(parts).map_err(SessionError::Log)
+    }
+
+    /// Checks that each part of `bus.log` that is there is a regular file.
+    ///
+    /// # Errors
+    /// Returns the first that is not, or cannot be opened.
+    pub fn check_log(&self) -> Result<(), SessionError> {
+        self.log_files().try_for_each(|file| match PartFile::open(&file) {
+            Ok(_) => Ok(()),
+            Err(error) => Err(unreadable(&file, error)),
+        })
+    }
+
+    /// Returns the parts of `bus.log` that are there.
+    fn log_files(&self) -> impl Iterator<Item = PathBuf> {
+        let parts = self.parts.stream(Stream::BusLog).flatten();
+        parts.map(|part| self.folder.join(part.name()))
     }
 
     /// Returns the inputs of the node: all parts in their order, plain or packed, up to the first that is missing.
@@ -206,7 +244,7 @@ impl Session {
         };
         let interfaces = &self.manifest.interfaces;
         let found = bus_log::frames_of_cycles(self.bus_log()?, interfaces, cycle, last);
-        found.map_err(|error| unreadable(&self.folder, error))
+        found.map_err(SessionError::Log)
     }
 }
 

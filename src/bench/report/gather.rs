@@ -59,7 +59,7 @@ impl<R: BufRead> Source for LogAlone<R> {
         let ending = match self.log.read() {
             Ok(ending) => ending?,
             Err(error) => {
-                self.failure = Some(format!("bus.log: {error}"));
+                self.failure = Some(error.to_string());
                 return None;
             }
         };

@@ -6,6 +6,8 @@
 //!             is to read   of cycles      stops in words
 //! ```
 //!
+//! Begin with `subject.rs`, then `gather.rs`, the one pass, and `sections`, a file for each question.
+//!
 //! A part that cannot be read is named in the report; the rest is shown.
 #![forbid(unsafe_code)]
 
@@ -27,5 +29,5 @@ mod timing;
 mod view;
 mod words;
 
-pub use page::{Interruption, report};
+pub use page::{Interruption, Page, report};
 pub use subject::{NoSubject, Subject};

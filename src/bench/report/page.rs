@@ -37,6 +37,15 @@ const CONTENTS: [(&str, &str); 16] = [
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interruption;
 
+/// Report as text.
+#[derive(Clone, Debug)]
+pub struct Page {
+    /// One HTML file.
+    pub html: String,
+    /// Parts that are missing or cannot be read, a sentence each. The page has them, too.
+    pub remarks: Vec<String>,
+}
+
 /// Returns the report of a session or fault record, compared with another one. `on_progress` gets the number of cycles that
 /// were read since the last call, and returns whether to go on.
 ///
@@ -46,7 +55,7 @@ pub fn report(
     subject: &Subject,
     other: Option<&Subject>,
     mut on_progress: impl FnMut(u64) -> bool,
-) -> Result<String, Interruption> {
+) -> Result<Page, Interruption> {
     let gathered = gather(subject, &mut on_progress).ok_or(Interruption)?;
     let compared = match other {
         Some(other) => Some((other, gather(other, &mut on_progress).ok_or(Interruption)?)),
@@ -79,7 +88,10 @@ pub fn report(
             env!("CARGO_PKG_VERSION")
         ),
     );
-    Ok(html.page(&title))
+    let others = compared.iter().map(|(_, gathered)| gathered);
+    let all = std::iter::once(&gathered).chain(others);
+    let remarks = all.flat_map(|gathered| gathered.findings.remarks.iter().cloned()).collect();
+    Ok(Page { html: html.page(&title), remarks })
 }
 
 /// Writes the sections after the verdict.
@@ -184,6 +196,6 @@ fn gather(subject: &Subject, on_progress: impl FnMut(u64) -> bool) -> Option<Ses
             let log = WireCycles::new(log, &interfaces, subject.origin_us(), config);
             SessionData::read(&mut LogAlone::new(log, reason), buses, on_progress)
         }
-        Err(error) => Some(SessionData::without(format!("bus.log: {error}"))),
+        Err(error) => Some(SessionData::without(error.to_string())),
     }
 }

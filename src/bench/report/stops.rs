@@ -63,7 +63,7 @@ fn of_log(
     let by_replay = stop.cause.map(|cause| cause.with_name(joints));
     let by_summary = || {
         let summary = subject.summary.as_ref().filter(|_| stop.ended.is_none())?;
-        Some(cause::with_name(text(summary, "stopped_by")?, joints))
+        Some(cause::with_name(&text(summary, "stopped_by")?, joints))
     };
     let joint = stop.cause.and_then(|cause| cause.joint());
     let joint = joint.and_then(|joint| joints.get(joint.index()).cloned());
@@ -100,7 +100,7 @@ pub(crate) fn of_record(name: String, record: &Value, joints: &[String]) -> Stop
         cycle: record.get("cycle").and_then(Value::as_u64),
         modes: [mode("mode_before"), mode("mode"), mode("mode")],
         ended: None,
-        cause: cause::with_name(cause, joints),
+        cause: cause::with_name(&cause, joints),
         kind: CauseKind::ALL.into_iter().find(|one| kind.as_ref() == Some(&hyphenated(*one))),
         joint: text(record, "joint_name"),
         record: Some(name),

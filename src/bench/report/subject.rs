@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use config::Config;
 use config::files;
-use replay::{PartFile, Session};
+use replay::{BusLog, Session};
 use telemetry::manifest::Manifest;
 use telemetry::parts::{Part, Parts, Stream};
 
@@ -186,15 +186,7 @@ impl Subject {
         }
         let parts = Parts::find(&self.folder, None)?;
         let files = parts.stream(Stream::BusLog).flatten().map(Part::name);
-        let mut log: Option<Box<dyn BufRead>> = None;
-        for file in files {
-            let part = PartFile::open(&self.folder.join(file))?;
-            log = Some(match log {
-                Some(before) => Box::new(before.chain(part)),
-                None => Box::new(part),
-            });
-        }
-        log.ok_or_else(|| io::ErrorKind::NotFound.into())
+        Ok(Box::new(BusLog::open(files.map(|file| self.folder.join(file)))?))
     }
 
     /// Returns the names of the joints, base first.

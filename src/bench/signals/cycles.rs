@@ -193,7 +193,7 @@ impl Cycles {
         let Some(log) = self.log.as_mut().filter(|_| self.ending.is_none()) else { return };
         match log.read() {
             Ok(ending) => self.ending = ending,
-            Err(error) => self.findings.remarks.push(format!("bus.log: {error}")),
+            Err(error) => self.findings.remarks.push(error.to_string()),
         }
         if self.ending.is_none() {
             self.log = None;

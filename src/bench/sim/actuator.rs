@@ -142,25 +142,16 @@ impl Encoder {
         Self { counts_per_turn, zero: settings.zero_counts }
     }
 
-    /// Returns the counts at `position` in rad; they wrap.
-    pub fn counts(&self, position: f64) -> i32 {
-        wrapped((position * self.counts_per_turn / TAU).round()).wrapping_add(self.zero)
+    /// Returns the increments at `position` in rad: whole, and without a wrap. NaN counts as joint position zero.
+    pub fn increments(&self, position: f64) -> f64 {
+        let increments = (position * self.counts_per_turn / TAU).round();
+        f64::from(self.zero) + if increments.is_nan() { 0.0 } else { increments }
     }
 
     /// Returns the counts per second at `velocity` in rad/s.
     pub fn rate(&self, velocity: f64) -> i32 {
         saturated((velocity * self.counts_per_turn / TAU).round())
     }
-}
-
-/// Takes the low 32 bits of an integer: the counter wraps.
-#[expect(
-    clippy::as_conversions,
-    clippy::cast_possible_truncation,
-    reason = "a counter of 32 bits wraps; NaN becomes 0"
-)]
-const fn wrapped(counts: f64) -> i32 {
-    counts as i64 as i32
 }
 
 /// Converts to i32; saturates.
@@ -231,19 +222,12 @@ mod tests {
     }
 
     #[test]
-    fn joint_revolution_has_the_counts_of_the_gear() {
+    #[expect(clippy::float_cmp, reason = "whole numbers are exact")]
+    fn joint_revolution_has_the_increments_of_the_gear() {
         let encoder = encoder(4_096.0, -80.0, 1_000);
-        assert_eq!(encoder.counts(0.0), 1_000);
-        assert_eq!(encoder.counts(TAU), 1_000 - 4_096 * 80);
+        assert_eq!(encoder.increments(0.0), 1_000.0);
+        assert_eq!(encoder.increments(TAU), 1_000.0 - 4_096.0 * 80.0);
+        assert_eq!(encoder.increments(f64::NAN), 1_000.0);
         assert_eq!(encoder.rate(TAU), -4_096 * 80);
-    }
-
-    #[test]
-    fn counts_wrap_at_32_bits() {
-        let encoder = encoder(1.0, 1.0, i32::MAX);
-        assert_eq!(encoder.counts(TAU), i32::MIN);
-        let beyond = f64::from(u32::MAX) + 1.0;
-        assert_eq!(encoder.counts(beyond * TAU), i32::MAX);
-        assert_eq!(encoder.counts(f64::NAN), i32::MAX);
     }
 }

@@ -1,7 +1,7 @@
-//! Cradle: the support of an unpowered arm, until its drives carry it.
+//! Cradle: the support of an unpowered arm, until its operator lifts it out.
 //!
-//! It only lifts joints, yields slightly under the weight, and is removed once the drives carry most of the weight. Without
-//! it an operator would have to hold the arm, in an unknown posture.
+//! It only lifts joints, yields slightly under the weight, and is gone once the drives push: the operator has lifted the arm out, and holds
+//! what they do not carry. Without it an operator would have to hold the arm, in an unknown posture.
 
 use crate::arm::Joints;
 
@@ -10,9 +10,6 @@ const DEFLECTION: f64 = 0.002;
 
 /// Ratio of damping to stiffness, in s.
 const DAMPING_TIME: f64 = 0.02;
-
-/// Share of the weight on the cradle below which it is removed.
-const LEFT_BELOW: f64 = 0.2;
 
 /// Cradle of an arm.
 #[derive(Clone, Copy, Debug)]
@@ -35,16 +32,30 @@ impl Cradle {
         Self { rest, weight, is_left: false }
     }
 
-    /// Returns the torques on the joints at `q`, in rad (m), moving at `qd`, in N·m (N).
-    pub fn step(&mut self, q: &Joints, qd: &Joints) -> Joints {
+    /// Returns the rest positions of a cradle that supports any joint, in rad (m).
+    pub fn rest(&self) -> Option<&Joints> {
+        (self.weight.amax() > 0.0).then_some(&self.rest)
+    }
+
+    /// Returns whether the arm was lifted out.
+    pub const fn is_left(&self) -> bool {
+        self.is_left
+    }
+
+    /// Supports the arm again, which was laid down.
+    pub const fn renew(&mut self) {
+        self.is_left = false;
+    }
+
+    /// Returns the torques on the joints at `q`, in rad (m), moving at `qd`, in N·m (N). `is_pushed` while drives push.
+    pub fn step(&mut self, is_pushed: bool, q: &Joints, qd: &Joints) -> Joints {
+        self.is_left |= is_pushed;
         if self.is_left {
             return Joints::zeros();
         }
         let lift = self.weight.map(f64::signum);
         let sunk = (self.rest - q - qd * DAMPING_TIME).component_mul(&lift) / DEFLECTION;
-        let tau = sunk.zip_map(&self.weight, |sunk, weight| (1.0 + sunk).max(0.0) * weight);
-        self.is_left = tau.abs().sum() < LEFT_BELOW * self.weight.abs().sum();
-        tau
+        sunk.zip_map(&self.weight, |sunk, weight| (1.0 + sunk).max(0.0) * weight)
     }
 }
 
@@ -60,21 +71,23 @@ mod tests {
     fn weight_is_carried_at_rest_and_nothing_above() {
         let mut cradle = Cradle::new(joints(-0.8), joints(-5.0));
         let still = Joints::zeros();
-        assert!((cradle.step(&joints(-0.8), &still)[1] + 5.0).abs() < 1e-9);
+        assert!((cradle.step(false, &joints(-0.8), &still)[1] + 5.0).abs() < 1e-9);
         // Negative torque lifts this joint: it sinks towards positive positions.
-        assert!((cradle.step(&joints(-0.8 + DEFLECTION), &still)[1] + 10.0).abs() < 1e-9);
-        assert!(cradle.step(&joints(-0.8 - 0.5 * DEFLECTION), &still)[1] < 0.0);
+        assert!((cradle.step(false, &joints(-0.8 + DEFLECTION), &still)[1] + 10.0).abs() < 1e-9);
+        assert!(cradle.step(false, &joints(-0.8 - 0.5 * DEFLECTION), &still)[1] < 0.0);
     }
 
     #[test]
-    fn lifted_arm_is_not_supported_again() {
+    fn arm_is_lifted_out_once_drives_push() {
         let (mut cradle, still) = (Cradle::new(joints(-0.8), joints(-5.0)), Joints::zeros());
-        assert_eq!(cradle.step(&joints(-0.9), &still), still);
-        assert_eq!(cradle.step(&joints(-0.7), &still), still);
+        assert_eq!(cradle.step(true, &joints(-0.8), &still), still);
+        assert_eq!(cradle.step(false, &joints(-0.7), &still), still);
+        cradle.renew();
+        assert!((cradle.step(false, &joints(-0.8), &still)[1] + 5.0).abs() < 1e-9);
     }
 
     #[test]
     fn no_cradle_supports_nothing() {
-        assert_eq!(Cradle::none().step(&joints(1.0), &joints(1.0)), joints(0.0));
+        assert_eq!(Cradle::none().step(false, &joints(1.0), &joints(1.0)), joints(0.0));
     }
 }

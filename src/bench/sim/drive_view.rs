@@ -97,7 +97,7 @@ mod tests {
 
     use super::*;
     use crate::actuator::ActuatorSettings;
-    use crate::drive::DriveSettings;
+    use crate::drive::{DriveSettings, EncoderKind};
     use crate::drivetrain::MotorReading;
     use crate::motion::Tuning;
     use canopen::eds::Eds;
@@ -123,6 +123,8 @@ mod tests {
                 torque_curve: [133.0, 0.0, 0.0],
                 max_torque: 6.0,
             },
+            encoder: EncoderKind::Absolute,
+            is_prismatic: false,
             latency: Duration::ZERO,
             tuning: Tuning::default(),
         })

@@ -4,6 +4,9 @@
 //! It does not depend on the controller or the commanded side. Kinematics and dynamics are a second, different
 //! implementation, compared with independent programs, so that an error in one cannot cancel in the other.
 //!
+//! Begin with [`world`]. Between a drive and the arm pass position, velocity, torque and temperature in one direction, and ‰ of
+//! rated torque in the other. Faults act between the devices and the buses, so that they are the same in memory and on SocketCAN.
+//!
 //! | module                | content                                                     |
 //! |-----------------------|-------------------------------------------------------------|
 //! | [`drive`]             | a CiA 402 drive: power states, limits, faults               |
@@ -15,7 +18,6 @@
 //! | [`plant`]             | the arm in motion: friction, end stops, integration         |
 //! | [`operator_model`]    | the operator: a [`hand`] and its [`tremor`]                 |
 //! | [`operator_settings`] | presets of the operator model                               |
-//! | [`peg_operator`]      | the task of an operator who puts pegs into holes by sight   |
 //! | [`scenario`]          | the operator's actions and the faults of a run              |
 //! | [`fault`]             | faults of devices, applied between them and their buses     |
 //! | [`world`]             | all of these as one station on the buses                    |
@@ -43,15 +45,16 @@ mod delay;
 pub mod drive;
 pub mod drive_view;
 pub mod drivetrain;
+pub mod extremes;
 pub mod fault;
 pub mod friction_rig;
+mod guide;
 pub mod hand;
 pub mod manipulator;
 pub mod motion;
 mod motors;
 pub mod operator_model;
 pub mod operator_settings;
-pub mod peg_operator;
 pub mod plant;
 pub mod quirks;
 pub mod random;

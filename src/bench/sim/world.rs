@@ -12,8 +12,10 @@ use crate::arm::Joints;
 use crate::cradle::Cradle;
 use crate::drive::Drive;
 use crate::drivetrain::{Drivetrain, MotorReading};
+use crate::extremes::Extremes;
 use crate::fault::devices::{Devices, present};
 use crate::fault::{Breakable, Faults, Notice};
+use crate::guide::Guide;
 use crate::motors::Motors;
 use crate::operator_model::OperatorModel;
 use crate::plant::{self, Plant};
@@ -21,6 +23,7 @@ use crate::scenario::Scenario;
 use crate::scenario_start::ScenarioStart;
 use crate::switches::SwitchBox;
 use crate::transmission::Transmission;
+use canopen::drive::State;
 use canopen::frame::{Channel, Frame, Telegram};
 use canopen::sync;
 use canopen_device::station::Station;
@@ -30,6 +33,12 @@ use units::time::Instant;
 
 /// Maximum time between two steps of the arm.
 const TICK: Duration = Duration::from_millis(1);
+
+/// As [`TICK`], where the world advances [ahead of SYNC](World::ahead_of_sync): one step of the arm is left for it at 1 kHz.
+const AHEAD: Duration = Duration::from_micros(600);
+
+/// Time in which an operator sees that the drives are off: what a stop does to the hand is over.
+const LAYS_DOWN_AFTER: Duration = Duration::from_millis(200);
 
 /// Maximum time that the arm advances in one call.
 const MAX_ADVANCE: Duration = Duration::from_millis(100);
@@ -47,6 +56,11 @@ pub trait Motor: Breakable {
 
     /// Returns the torque demand, in ‰ of rated torque.
     fn demand(&self) -> f64;
+
+    /// Returns whether it is in operation enabled.
+    fn is_enabled(&self) -> bool {
+        true
+    }
 }
 
 /// Interface of an input module to the operator.
@@ -82,6 +96,15 @@ pub struct World<M = Drive, I = SwitchBox> {
     /// Joint torques of an external push, in N·m (N).
     tau_push: Joints,
     cradle: Cradle,
+    /// Hands on the links of an arm without torque.
+    guide: Option<Guide>,
+    /// Set if the operator lays the arm down after all drives are off.
+    lays_down: bool,
+    /// Time since which all drives are off.
+    off_since: Option<Instant>,
+    extremes: Option<Extremes>,
+    /// Time after which the arm advances without a SYNC.
+    tick: Duration,
 }
 
 impl<M: Motor, I: Inputs> World<M, I> {
@@ -109,6 +132,11 @@ impl<M: Motor, I: Inputs> World<M, I> {
             zero_torque_since: Some(Instant::ZERO),
             tau_push: Joints::zeros(),
             cradle: Cradle::none(),
+            guide: None,
+            lays_down: true,
+            off_since: None,
+            extremes: None,
+            tick: TICK,
         };
         world.show();
         world
@@ -120,6 +148,13 @@ impl<M: Motor, I: Inputs> World<M, I> {
         let mut world = Self { motors: self.motors.coupled(transmission), ..self };
         world.show();
         world
+    }
+
+    /// Advances the arm ahead of each SYNC, whose answer then takes as long in contact as without: on a real bus, where
+    /// computing takes time.
+    #[must_use]
+    pub fn ahead_of_sync(self) -> Self {
+        Self { tick: AHEAD, ..self }
     }
 
     /// Rests the arm in a cradle until the drives carry it.
@@ -170,6 +205,38 @@ impl<M: Motor, I: Inputs> World<M, I> {
         self.tau_push = *tau;
     }
 
+    /// Guides the joints of an arm without torque to a posture, in rad (m), and holds them there until drives carry it.
+    pub fn guide_to(&mut self, q: [f64; 6]) {
+        self.guide = Some(Guide::new(*self.plant.q(), Joints::from(q)));
+    }
+
+    /// Sets whether the operator lays the arm down after all drives are off, as before each arming that requires it.
+    pub const fn set_lays_down(&mut self, lays_down: bool) {
+        self.lays_down = lays_down;
+    }
+
+    /// Begins to watch torque demands and motion.
+    pub fn watch(&mut self) {
+        self.extremes = Some(Extremes::new(*self.plant.q()));
+    }
+
+    /// Returns the extremes since [`watch`](Self::watch).
+    pub const fn extremes(&self) -> Option<&Extremes> {
+        self.extremes.as_ref()
+    }
+
+    /// Lays an arm down that was lifted out of its cradle, a reaction time after all drives are off.
+    fn lay_down(&mut self, now: Instant) {
+        let are_off = !self.drives.iter().any(Motor::is_enabled);
+        self.off_since = self.off_since.or(Some(now)).filter(|_| are_off);
+        let reacts = self.off_since.is_some_and(|since| now.since(since) >= LAYS_DOWN_AFTER);
+        let Some(rest) = self.cradle.rest().copied() else { return };
+        if reacts && self.lays_down && self.cradle.is_left() {
+            self.guide = Some(Guide::new(*self.plant.q(), rest));
+            self.cradle.renew();
+        }
+    }
+
     /// Sets the desired pose of the grip in {0} instead of the scenario's; `None` returns to the scenario's.
     pub const fn set_aim(&mut self, x_0_d: Option<Isometry3<f64>>) {
         self.aim = x_0_d;
@@ -213,13 +280,18 @@ impl<M: Motor, I: Inputs> World<M, I> {
             self.aim.unwrap_or_else(|| self.scripted_pose(t - self.operator.reaction()));
         let felt = self.plant.f_g_hand();
         let grasp = self.operator.step(dt, &x_0_script, operator.is_holding, felt);
+        let is_guided = self.guide.is_some();
+        let is_pushed = self.is_carried();
         let hand = grasp.as_ref().map(|grasp| (&grasp.hand, &grasp.x_0_d));
+        let hand = hand.filter(|_| !is_guided);
         for h in plant::steps(dt) {
-            let support = self.cradle.step(self.plant.q(), self.plant.qd());
+            let support = self.cradle.step(is_pushed, self.plant.q(), self.plant.qd());
+            let support = self.guided(h).unwrap_or(support);
             let tau = self.motors.step(h) + self.tau_push + support;
             self.plant.step(h, &tau, hand);
             self.motors.set_joint_motion(self.plant.q(), self.plant.qd());
         }
+        self.extremes.iter_mut().for_each(|extremes| extremes.on_motion(self.plant.q()));
         let is_startled = self.operator.is_startled();
         let inputs = if is_startled { operator.hand_off() } else { operator.inputs };
         let inputs = self.faults.inputs(inputs);
@@ -229,6 +301,13 @@ impl<M: Motor, I: Inputs> World<M, I> {
         });
         self.now = now;
         self.show();
+    }
+
+    /// Returns the torques of the hands on the links after `h` s, in N·m (N); `None` if no hand guides them.
+    fn guided(&mut self, h: f64) -> Option<Joints> {
+        let (q, qd) = (*self.plant.q(), *self.plant.qd());
+        let acceleration = self.guide.as_mut()?.step(h, &self.plant.is_prismatic(), &q, &qd);
+        Some(self.plant.torques_for(&acceleration))
     }
 
     /// Returns the pose of the grip in the script at `t` s.
@@ -242,9 +321,14 @@ impl<M: Motor, I: Inputs> World<M, I> {
     /// Advances the arm to `now` with the old demands, then applies changed ones.
     fn update_demands(&mut self, now: Instant) {
         let demands = self.drives.each_ref().map(Motor::demand);
+        self.extremes.iter_mut().for_each(|extremes| extremes.on_demands(&demands));
         if demands.iter().any(|demand| demand.abs() > 0.0) {
             self.start.fix();
         }
+        if self.is_carried() {
+            self.guide = None;
+        }
+        self.lay_down(now);
         let mut pairs = demands.iter().zip(self.motors.demands());
         if pairs.any(|(new, old)| (new - old).abs() > 0.0) {
             self.advance(now);
@@ -252,6 +336,12 @@ impl<M: Motor, I: Inputs> World<M, I> {
         }
         let is_zero_torque = demands.iter().all(|demand| demand.abs() < RESOLUTION);
         self.zero_torque_since = is_zero_torque.then(|| self.zero_torque_since.unwrap_or(now));
+    }
+
+    /// Returns whether drives carry the arm. A homing has one of them enabled.
+    fn is_carried(&self) -> bool {
+        let demands = self.drives.iter().map(Motor::demand);
+        demands.filter(|demand| demand.abs() > 0.0).count() > 1
     }
 
     /// Updates each drive with its motor values.
@@ -289,7 +379,7 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
     }
 
     fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>) {
-        if self.now + TICK <= now {
+        if self.now + self.tick <= now {
             self.advance(now);
         }
         let is_due = |due: Option<Instant>| due.is_some_and(|due| due <= now);
@@ -310,7 +400,7 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
         let drives = self.drives.iter().filter_map(Station::deadline);
         let switches = self.switches.as_ref().and_then(Station::deadline);
         let others = switches.into_iter().chain(self.faults.deadline());
-        Some(drives.chain(others).fold(self.now + TICK, Instant::min))
+        Some(drives.chain(others).fold(self.now + self.tick, Instant::min))
     }
 }
 
@@ -331,6 +421,10 @@ impl Motor for Drive {
 
     fn demand(&self) -> f64 {
         self.demand()
+    }
+
+    fn is_enabled(&self) -> bool {
+        self.state() == State::OperationEnabled
     }
 }
 

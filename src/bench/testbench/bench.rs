@@ -168,11 +168,27 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
     /// # Errors
     /// As [`RecordedNode::bring_up`].
     pub fn bring_up_within(&mut self, limit: Duration) -> Result<(), BringUpError> {
+        self.within(limit, |node, give_up| node.bring_up(give_up))
+    }
+
+    /// Makes a request to the node, and gives up its boot or homing after `limit` of virtual time, as Ctrl-C does.
+    ///
+    /// # Errors
+    /// As [`RecordedNode::request`].
+    pub fn ask_within(&mut self, request: Request, limit: Duration) -> Result<Mode, RequestError> {
+        self.within(limit, |node, give_up| node.request(request, give_up))
+    }
+
+    fn within<R>(
+        &mut self,
+        limit: Duration,
+        act: impl FnOnce(&mut BenchNode<T, S>, &mut dyn FnMut() -> bool) -> R,
+    ) -> R {
         let end = self.now() + limit;
         let time = self.node.bus_mut().share_time();
-        let booted = self.node.bring_up(&mut || time.now() >= end);
+        let result = act(&mut self.node, &mut || time.now() >= end);
         self.node.bus_mut().stop_sharing_time();
-        booted
+        result
     }
 
     /// Continues with another scenario; its entries of the past are skipped. `seed` is that of its faults.
@@ -344,6 +360,7 @@ fn request(asked: ConsoleRequest) -> Request {
         ConsoleRequest::Arm => Request::Arm,
         ConsoleRequest::Disarm => Request::Disarm,
         ConsoleRequest::Reset => Request::Reset,
+        ConsoleRequest::Zero => Request::Zero(None),
         ConsoleRequest::Rate => Request::Command(CommandMode::Rate),
         ConsoleRequest::Pose => Request::Command(CommandMode::Pose),
         ConsoleRequest::Adjust(adjustment) => Request::Adjust(adjustment),

@@ -1,5 +1,8 @@
 //! Node and simulation put together, for `demo`, `sim`, campaigns, experiments and tests.
 //!
+//! Begin with [`mod@bench`]: node, drives and operator in one process. [`far_robot`] is the simulated arm as a far side,
+//! [`explanation`] one cycle with every intermediate.
+//!
 //! ```
 //! use std::path::Path;
 //!
@@ -15,12 +18,14 @@
 #![forbid(unsafe_code)]
 
 pub mod bench;
+pub mod comparison;
 pub mod delayed;
 mod delivery;
 pub mod disturbed;
 pub mod explanation;
 pub mod far_robot;
 pub mod linked_robot;
+pub mod lost_zero;
 pub mod question;
 pub mod robot_explanation;
 pub mod robot_site;

@@ -126,7 +126,7 @@ mod tests {
             Ok(())
         }
 
-        fn wait(&mut self, now: Instant, _: Instant) -> Wake {
+        fn wait(&mut self, now: Instant, _: Instant, _: Instant) -> Wake {
             Wake { now, received: None }
         }
     }

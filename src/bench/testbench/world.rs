@@ -11,12 +11,13 @@ use canopen::frame::Channel;
 use canopen::object::Object;
 use canopen::plan::Identity;
 use canopen_device::dictionary::Dictionary;
+use config::zero::ZeroSource;
 use config::{Actuator, Config, JointParameters, JointPlant, Plant};
 use controller::arm::JointKind;
 use sim::actuator::ActuatorSettings;
 use sim::arm::{Arm, ArmSettings, Joints, LinkSettings};
 use sim::cradle::Cradle;
-use sim::drive::{Drive, DriveSettings};
+use sim::drive::{Drive, DriveSettings, EncoderKind};
 use sim::drivetrain::{Drivetrain, DrivetrainSettings};
 use sim::motion::{Load, Tuning};
 use sim::plant::{self, Resistance};
@@ -44,6 +45,8 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
             node: joint.node,
             dictionary,
             actuator,
+            encoder: encoder(joint),
+            is_prismatic: joint.plant.link.kind == JointKind::Prismatic,
             latency: DRIVE_LATENCY,
             tuning: tuning(&joint.plant, increments, *number.entry(&inertias)),
         };
@@ -61,17 +64,16 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
         .resting(cradle(config, &plant))
 }
 
-/// Returns the cradle of an arm with a rest posture; it supports the joints that have one.
+/// Returns the cradle of an arm with a rest posture, where the arm lies at the start; it supports the joints that have one.
 fn cradle(config: &Config, plant: &Plant) -> Cradle {
     let rests = config.joints.each_ref().map(|joint| joint.rest);
     if rests.iter().all(Option::is_none) {
         return Cradle::none();
     }
-    let rest = Joints::from(rests.map(|rest| rest.map_or(0.0, |rest| rest.position())));
-    let arm = arm(plant);
-    let weight = arm.gravity(&arm.posture(&rest));
+    let (arm, start) = (arm(plant), start(plant));
+    let weight = arm.gravity(&arm.posture(&start));
     let supported = Joints::from(rests.map(|rest| if rest.is_some() { 1.0 } else { 0.0 }));
-    Cradle::new(rest, weight.component_mul(&supported))
+    Cradle::new(start, weight.component_mul(&supported))
 }
 
 /// Returns the simulated friction and end stops of a joint.
@@ -132,6 +134,17 @@ pub fn arm(plant: &Plant) -> Arm {
 
 fn transmission(plant: &Plant) -> Transmission {
     Transmission::new(plant.coupling.matrix(), *plant.coupling.offset())
+}
+
+/// Returns the encoder that the configuration says: what a power cycle leaves of its position.
+fn encoder(joint: &JointParameters) -> EncoderKind {
+    match joint.zero.source {
+        ZeroSource::Absolute => EncoderKind::Absolute,
+        ZeroSource::SingleTurn { counts } => EncoderKind::SingleTurn {
+            unique_turns: counts / f64::from(joint.plant.actuator.counts_per_rev),
+        },
+        ZeroSource::Rest | ZeroSource::Homing(_) => EncoderKind::Incremental,
+    }
 }
 
 /// Returns the simulated motor and gear of a joint, and an encoder whose increments are those of 6064h.

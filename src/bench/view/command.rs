@@ -10,8 +10,8 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use crate::server::Server;
 use run::exit::{Failure, Kind, OrFail};
-use run::feed_socket::default_sockets;
 use run::print;
+use run::viewer_args::ViewerArgs;
 
 /// Address of the page if none is given.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8020";
@@ -22,18 +22,16 @@ pub struct View {
     /// Address and port of the page; port 0 takes a free one.
     #[arg(long, value_name = "ADDRESS:PORT", default_value = DEFAULT_ADDRESS)]
     listen: SocketAddr,
-    /// Telemetry socket of the node [default: that of this user's node, else that of the service].
-    #[arg(long, value_name = "PATH")]
-    socket: Option<PathBuf>,
+    #[command(flatten)]
+    viewer: ViewerArgs,
 }
 
 /// Serves the page until SIGINT or SIGTERM.
 ///
 /// # Errors
-/// Returns an error if the address cannot be used, or cannot be printed.
+/// Returns an error if the configuration is invalid, or the address cannot be used or printed.
 pub fn execute(args: &View) -> Result<(), Failure> {
-    let sockets = args.socket.clone().map_or_else(default_sockets, |path| vec![path]);
-    let server = bind(args.listen, sockets)?;
+    let server = bind(args.listen, args.viewer.sockets()?)?;
     let address = server.address();
     // Before the line is printed: its reader may send a signal at once.
     let runtime = Builder::new_current_thread().enable_io().build().or_fail(Kind::System)?;

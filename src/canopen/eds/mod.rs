@@ -122,11 +122,16 @@ impl Eds {
         self.identity(self.device.product, Object::PRODUCT_CODE)
     }
 
-    /// Returns the value of `[DeviceInfo]`, or else the default of the identity object.
+    /// Returns the default of the identity object, which the device holds, or else the value of `[DeviceInfo]`.
     fn identity(&self, stated: u32, object: Object) -> u32 {
-        let default =
-            || self.object(object)?.number.and_then(|number| u32::try_from(number.value).ok());
-        if stated == 0 { default().unwrap_or(0) } else { stated }
+        let default = self.object(object).and_then(|described| described.number);
+        let default = default.and_then(|number| u32::try_from(number.value).ok());
+        default.filter(|default| *default != 0).unwrap_or(stated)
+    }
+
+    /// Numbers of `[DeviceInfo]` that differ from the defaults of the identity object.
+    pub fn identity_conflicts(&self) -> Vec<Finding> {
+        lint::identity_conflicts(self)
     }
 
     /// Content of `[DeviceInfo]`.

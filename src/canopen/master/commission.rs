@@ -19,6 +19,7 @@ use crate::abort::AbortCode;
 use crate::drive::Controlword;
 use crate::frame::Frame;
 use crate::master::boot_error::{BootError, Problem};
+use crate::master::disturbance::Disturbance;
 use crate::master::duplicate::{Reply, ReplyCounter, Sign};
 use crate::master::standstill::Standstill;
 use crate::master::steps::{Action, Configuration, Next, Stage, Step};
@@ -35,9 +36,6 @@ pub const STORE_TIMEOUT: Duration = Duration::from_secs(5);
 pub const RETRY_PERIOD: Duration = Duration::from_millis(100);
 /// Time allowed until a drive is at standstill after its power was switched off.
 pub const STANDSTILL_TIMEOUT: Duration = Duration::from_secs(5);
-
-/// Maximum repetitions of a transfer that another client disturbed.
-const MAX_REPEATS: u32 = 3;
 
 /// Origin of the node's configuration, or the reason why it has none.
 pub type BootOutcome = Result<Configuration, BootError>;
@@ -77,10 +75,8 @@ pub struct Boot {
     awaits_mode: bool,
     /// NMT state in the last heartbeat.
     reported_state: Option<NmtState>,
-    /// Another client has sent a request since the current transfer started.
-    is_disturbed: bool,
-    /// Repetitions of the current transfer.
-    repeats: u32,
+    /// Disturbance of the current transfer.
+    disturbance: Disturbance,
     /// Second attempts of the current step.
     retries: Retries,
     wait: Wait,
@@ -150,8 +146,7 @@ impl Boot {
             held: Vec::new(),
             awaits_mode: false,
             reported_state: None,
-            is_disturbed: false,
-            repeats: 0,
+            disturbance: Disturbance::default(),
             retries: Retries::default(),
             wait: Wait::Start,
         }
@@ -166,6 +161,11 @@ impl Boot {
     /// Returns the boot of a running node that has a single stage left.
     pub fn of_stage(plan: &NodePlan, stage: Stage) -> Self {
         Self { stage, steps: stage.steps(plan), ..Self::new(plan) }
+    }
+
+    /// Returns the stage that runs, or ran last.
+    pub(super) const fn stage(&self) -> Stage {
+        self.stage
     }
 
     /// Returns a boot that gives up after one unanswered request.
@@ -207,7 +207,7 @@ impl Boot {
     /// that fails because of it is repeated.
     pub fn on_foreign_request(&mut self, frame: &Frame) {
         self.replies.on_requests(self.plan.node, std::slice::from_ref(frame));
-        self.is_disturbed = true;
+        self.disturbance.note();
     }
 
     /// Handles expired timers. Returns the outcome once.

@@ -4,21 +4,18 @@
 //! history reads as an empty one.
 
 use std::fmt;
-use std::time::Duration;
 
 use canopen_rs::NodeId;
 
 use crate::error_codes;
 use crate::frame::Frame;
 use crate::object::Object;
+use crate::plan::REPLY_TIMEOUT;
 use crate::sdo::{Outcome, Transfer};
 use units::time::Instant;
 
 /// Maximum number of errors read, the newest first.
 pub const MAX_ERRORS: usize = 8;
-
-/// Time allowed for one SDO reply; a request may have to wait for its cycle.
-const REPLY_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// Error history of a node, the newest error first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -131,6 +128,8 @@ impl HistoryReader {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use proptest::prelude::*;
 
     use super::*;

@@ -144,6 +144,18 @@ pub enum Event {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
+    /// Drive that is off and prepared for a homing.
+    #[display("prepared for homing: torque limit reduced, home offset, method and mode written")]
+    HomingPrepared {
+        /// Index of the node in the list of plans.
+        node: NodeIndex,
+    },
+    /// Drive that is off, with planned mode and torque limits after a homing.
+    #[display("left homing: planned mode and torque limit in effect again")]
+    HomingLeft {
+        /// Index of the node in the list of plans.
+        node: NodeIndex,
+    },
     /// End of a node's monitoring of its master, on request.
     #[display("no longer monitors this master")]
     MonitoringEnded {
@@ -251,6 +263,8 @@ impl Event {
             | Self::Rebooted { node }
             | Self::StateChanged { node, .. }
             | Self::LimitsRaised { node }
+            | Self::HomingPrepared { node }
+            | Self::HomingLeft { node }
             | Self::ReadBack { node, .. }
             | Self::MonitoringEnded { node }
             | Self::MonitoringKept { node, .. }

@@ -9,21 +9,16 @@ use canopen_rs::{NodeId, Value};
 
 use crate::drive::{Controlword, Statusword};
 use crate::frame::Frame;
+use crate::master::disturbance::Disturbance;
 use crate::master::error_history::{History, HistoryReader};
 use crate::master::monitoring_off::{EndResult, MonitoringOff};
 use crate::object::Object;
-use crate::plan::NodePlan;
+use crate::plan::{NodePlan, REPLY_TIMEOUT};
 use crate::sdo::{Content, Outcome, Transfer, bytes};
 use units::time::Instant;
 
-/// Time allowed for one reply.
-const REPLY_TIMEOUT: Duration = Duration::from_millis(500);
-
 /// Time after which a statusword that is not answered is no longer read: the upload is repeated once.
 pub const STATUSWORD_TIMEOUT: Duration = Duration::from_millis(1_000);
-
-/// Maximum repetitions of an inquiry that another client disturbed.
-const MAX_REPEATS: u8 = 3;
 
 /// One or several consecutive transfers. A transfer that fails after another client has sent a request to
 /// the same server is repeated.
@@ -31,8 +26,7 @@ const MAX_REPEATS: u8 = 3;
 pub(super) struct Inquiry {
     node: NodeId,
     task: Task,
-    is_disturbed: bool,
-    repeats: u8,
+    disturbance: Disturbance,
     /// Set if an unanswered upload was requested again.
     is_read_again: bool,
     /// Set if the frames precede those of all other nodes.
@@ -65,25 +59,37 @@ pub(super) enum Answer {
     Nothing,
 }
 
+impl Task {
+    fn history(node: NodeId, now: Instant, out: &mut Vec<Frame>) -> Self {
+        Self::History(HistoryReader::new(node, now, out))
+    }
+
+    fn statusword(node: NodeId, now: Instant, out: &mut Vec<Frame>) -> Self {
+        Self::Statusword(Transfer::read(node, Object::STATUSWORD, REPLY_TIMEOUT, now, out))
+    }
+
+    /// Never `None`: two bytes fit an expedited download.
+    fn power_off(node: NodeId, now: Instant, out: &mut Vec<Frame>) -> Option<Self> {
+        let off = bytes(&Value::Unsigned16(Controlword::DISABLE_VOLTAGE.0));
+        let transfer = Transfer::write(node, Object::CONTROLWORD, off, REPLY_TIMEOUT, now, out);
+        transfer.ok().map(Self::PowerOff)
+    }
+}
+
 impl Inquiry {
     /// Requests the error history of `node`.
     pub(super) fn history(node: NodeId, now: Instant, out: &mut Vec<Frame>) -> Self {
-        Self::new(node, Task::History(HistoryReader::new(node, now, out)))
+        Self::new(node, Task::history(node, now, out))
     }
 
     /// Requests the statusword of `node`.
     pub(super) fn statusword(node: NodeId, now: Instant, out: &mut Vec<Frame>) -> Self {
-        let transfer = Transfer::read(node, Object::STATUSWORD, REPLY_TIMEOUT, now, out);
-        Self::new(node, Task::Statusword(transfer))
+        Self::new(node, Task::statusword(node, now, out))
     }
 
-    /// Sends "disable voltage" to `node` ahead of all other requests, then reads its statusword. Never `None`: two bytes
-    /// fit an expedited download.
+    /// Sends "disable voltage" to `node` ahead of all other requests, then reads its statusword. Never `None`.
     pub(super) fn power_off(node: NodeId, now: Instant, out: &mut Vec<Frame>) -> Option<Self> {
-        let off = bytes(&Value::Unsigned16(Controlword::DISABLE_VOLTAGE.0));
-        let transfer =
-            Transfer::write(node, Object::CONTROLWORD, off, REPLY_TIMEOUT, now, out).ok()?;
-        Some(Self::new(node, Task::PowerOff(transfer)).urgent())
+        Some(Self::new(node, Task::power_off(node, now, out)?).urgent())
     }
 
     /// Sends the frames ahead of those of all other nodes.
@@ -107,13 +113,14 @@ impl Inquiry {
         Some(Self::new(plan.node, Task::MonitoringOff(ending)))
     }
 
-    const fn new(node: NodeId, task: Task) -> Self {
-        Self { node, task, is_disturbed: false, repeats: 0, is_read_again: false, is_urgent: false }
+    fn new(node: NodeId, task: Task) -> Self {
+        let disturbance = Disturbance::default();
+        Self { node, task, disturbance, is_read_again: false, is_urgent: false }
     }
 
     /// Marks the inquiry as disturbed: another client has sent a request to the same server.
     pub(super) const fn disturb(&mut self) {
-        self.is_disturbed = true;
+        self.disturbance.note();
     }
 
     /// Takes one received frame. Returns the answer once.
@@ -146,9 +153,9 @@ impl Inquiry {
         };
         let outcome = outcome?;
         let is_upload = matches!(self.task, Task::History(_) | Task::Statusword(_));
-        if outcome.is_err() && is_upload && !self.is_read_again {
-            *self =
-                Self { is_read_again: true, is_urgent: self.is_urgent, ..self.again(now, out)? };
+        if outcome.is_err() && is_upload && !std::mem::replace(&mut self.is_read_again, true) {
+            self.disturbance.forget();
+            self.task = self.again(now, out)?;
             return None;
         }
         self.conclude(now, outcome, out)
@@ -175,21 +182,20 @@ impl Inquiry {
             *self = Self::statusword(self.node, now, out).urgent();
             return None;
         }
-        if outcome.is_ok() || !self.is_disturbed || self.repeats >= MAX_REPEATS {
+        if outcome.is_ok() || !self.disturbance.take() {
             return Some(answer);
         }
-        let Some(again) = self.again(now, out) else { return Some(answer) };
-        let Self { repeats, is_read_again, is_urgent, .. } = *self;
-        *self = Self { repeats: repeats + 1, is_read_again, is_urgent, ..again };
+        let Some(task) = self.again(now, out) else { return Some(answer) };
+        self.task = task;
         None
     }
 
-    /// Sends the same inquiry again.
-    fn again(&self, now: Instant, out: &mut Vec<Frame>) -> Option<Self> {
+    /// Sends the same request again.
+    fn again(&self, now: Instant, out: &mut Vec<Frame>) -> Option<Task> {
         match &self.task {
-            Task::History(_) => Some(Self::history(self.node, now, out)),
-            Task::Statusword(_) => Some(Self::statusword(self.node, now, out)),
-            Task::PowerOff(_) => Self::power_off(self.node, now, out),
+            Task::History(_) => Some(Task::history(self.node, now, out)),
+            Task::Statusword(_) => Some(Task::statusword(self.node, now, out)),
+            Task::PowerOff(_) => Task::power_off(self.node, now, out),
             // Repeats by itself.
             Task::MonitoringOff(_) => None,
         }
@@ -224,6 +230,7 @@ fn statusword(content: &Content) -> Option<Answer> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::master::disturbance::MAX_REPEATS;
 
     fn node() -> NodeId {
         NodeId::new(3).unwrap()

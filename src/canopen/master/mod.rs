@@ -11,6 +11,7 @@ pub mod boot_error;
 pub mod check;
 pub mod commission;
 pub mod configuration;
+mod disturbance;
 pub mod duplicate;
 mod error_control;
 pub mod error_history;
@@ -240,6 +241,23 @@ impl Master {
     /// as [`Event::LimitsRaised`] or [`Event::BootFailed`]. Returns false while another request to the drive is pending.
     pub fn raise_limits(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) -> bool {
         self.request(now, node, out, |slave, frames| slave.raise_limits(now, frames))
+    }
+
+    /// Starts to prepare a drive that is off for its planned homing. Reported as [`Event::HomingPrepared`] or
+    /// [`Event::BootFailed`]. Returns false while another request to the drive is pending.
+    pub fn prepare_homing(
+        &mut self,
+        now: Instant,
+        node: NodeIndex,
+        out: &mut Vec<Telegram>,
+    ) -> bool {
+        self.request(now, node, out, |slave, frames| slave.prepare_homing(now, frames))
+    }
+
+    /// Starts to restore mode and torque limits of a drive that is off after a homing. Reported as
+    /// [`Event::HomingLeft`] or [`Event::BootFailed`]. Returns false while another request to the drive is pending.
+    pub fn leave_homing(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) -> bool {
+        self.request(now, node, out, |slave, frames| slave.leave_homing(now, frames))
     }
 
     /// Starts to end a node's monitoring of this master (1016h:1 or 100Dh and 100Ch set to zero), reported as

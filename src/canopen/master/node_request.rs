@@ -37,7 +37,10 @@ impl NodeRequest {
                 let read = reader.on_frame(now, frame, out)?;
                 Some(Completion(Some(Report::ReadBack(object, read))))
             }
-            Self::Stage(stage) => stage.on_frame(now, frame, out).map(of_stage),
+            Self::Stage(stage) => {
+                let outcome = stage.on_frame(now, frame, out)?;
+                Some(of_stage(stage, outcome))
+            }
         }
     }
 
@@ -50,7 +53,10 @@ impl NodeRequest {
                 let read = reader.on_time(now, out)?;
                 Some(Completion(Some(Report::ReadBack(object, read))))
             }
-            Self::Stage(stage) => stage.on_time(now, out).map(of_stage),
+            Self::Stage(stage) => {
+                let outcome = stage.on_time(now, out)?;
+                Some(of_stage(stage, outcome))
+            }
         }
     }
 
@@ -92,9 +98,9 @@ const fn of_answer(answer: Answer) -> Completion {
     })
 }
 
-fn of_stage(outcome: BootOutcome) -> Completion {
+fn of_stage(boot: &Boot, outcome: BootOutcome) -> Completion {
     Completion(Some(match outcome {
-        Ok(_) => Report::StageDone,
+        Ok(_) => Report::StageDone(boot.stage()),
         Err(error) => Report::Failed(error),
     }))
 }

@@ -8,6 +8,7 @@ use crate::master::boot_error::Problem;
 use crate::master::event::Event;
 use crate::master::report::Report;
 use crate::master::slave::Slave;
+use crate::master::steps::Stage;
 use crate::master::{MAX_QUEUED, Master, Phase, telegram};
 use crate::nmt::Order;
 use crate::plan::BOOT_TIMEOUT;
@@ -55,8 +56,8 @@ impl Master {
             }
             Some(Report::Failed(error)) => self.report(Event::BootFailed(error)),
             // The mode that a drive did not take before its start belongs to the boot.
-            Some(Report::StageDone) if self.phase != Phase::Running => {}
-            Some(Report::StageDone) => self.report(Event::LimitsRaised { node }),
+            Some(Report::StageDone(_)) if self.phase != Phase::Running => {}
+            Some(Report::StageDone(stage)) => self.report(stage_done(stage, node)),
             Some(Report::Absent(waited)) => self.report(Event::Absent { node, waited }),
             Some(Report::History(history)) => self.report(Event::ErrorHistory { node, history }),
             Some(Report::Statusword(statusword)) => {
@@ -141,5 +142,16 @@ impl Master {
             }
             Phase::Starting(_) | Phase::Running | Phase::Failed => {}
         }
+    }
+}
+
+/// Returns the event of a stage that ran after the start of a node.
+fn stage_done(stage: Stage, node: NodeIndex) -> Event {
+    if stage == Stage::PrepareHoming {
+        Event::HomingPrepared { node }
+    } else if stage == Stage::LeaveHoming {
+        Event::HomingLeft { node }
+    } else {
+        Event::LimitsRaised { node }
     }
 }

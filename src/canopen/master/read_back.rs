@@ -3,8 +3,6 @@
 //! One request and one expedited reply of at most four bytes, so that a cycle allocates nothing. The owner
 //! of the [master](crate::master) chooses object and time.
 
-use std::time::Duration;
-
 use canopen_rs::NodeId;
 use canopen_rs::sdo::{request_cob_id, response_cob_id};
 use derive_more::Display;
@@ -12,17 +10,13 @@ use derive_more::Display;
 use crate::abort::AbortCode;
 use crate::frame::Frame;
 use crate::master::check::Check;
+use crate::master::disturbance::Disturbance;
 use crate::nameplate::StoredValue;
 use crate::object::Object;
+use crate::plan::REPLY_TIMEOUT;
 use crate::sdo::command::{ABORT, CCS_UPLOAD, CS_ABORT, EXPEDITED, SCS_UPLOAD, SIZE_INDICATED};
 use crate::sdo::{SdoError, bytes};
 use units::time::Instant;
-
-/// Time allowed for the reply.
-const REPLY_TIMEOUT: Duration = Duration::from_millis(500);
-
-/// Maximum repetitions of a request that another client disturbed.
-const MAX_REPEATS: u8 = 3;
 
 /// Expected value of an object, of at most four bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,8 +99,7 @@ pub(super) struct ObjectReader {
     node: NodeId,
     setting: ObjectRead,
     until: Instant,
-    is_disturbed: bool,
-    repeats: u8,
+    disturbance: Disturbance,
     /// Set if the object was requested again after no answer.
     is_read_again: bool,
 }
@@ -119,11 +112,15 @@ impl ObjectReader {
         now: Instant,
         out: &mut Vec<Frame>,
     ) -> Self {
-        let until = now + REPLY_TIMEOUT;
-        let reading =
-            Self { node, setting, until, is_disturbed: false, repeats: 0, is_read_again: false };
-        out.push(reading.request(UPLOAD, [0; 4]));
+        let disturbance = Disturbance::default();
+        let mut reading = Self { node, setting, until: now, disturbance, is_read_again: false };
+        reading.send(now, out);
         reading
+    }
+
+    fn send(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        self.until = now + REPLY_TIMEOUT;
+        out.push(self.request(UPLOAD, [0; 4]));
     }
 
     /// Object being read.
@@ -133,7 +130,7 @@ impl ObjectReader {
 
     /// Marks the request as disturbed: another client has sent a request to the same server.
     pub(super) const fn disturb(&mut self) {
-        self.is_disturbed = true;
+        self.disturbance.note();
     }
 
     /// Takes one received frame. Returns the outcome once.
@@ -174,9 +171,9 @@ impl ObjectReader {
             return None;
         }
         out.push(self.request(ABORT, AbortCode::TIMED_OUT.0.to_le_bytes()));
-        if !self.is_read_again {
-            let again = Self::start(self.node, self.setting, now, out);
-            *self = Self { is_read_again: true, repeats: self.repeats, ..again };
+        if !std::mem::replace(&mut self.is_read_again, true) {
+            self.disturbance.forget();
+            self.send(now, out);
             return None;
         }
         self.fail(now, SdoError::Timeout, out)
@@ -189,11 +186,10 @@ impl ObjectReader {
 
     /// Ends, or repeats a request that another client disturbed.
     fn fail(&mut self, now: Instant, error: SdoError, out: &mut Vec<Frame>) -> Option<ReadBack> {
-        if !self.is_disturbed || self.repeats >= MAX_REPEATS {
+        if !self.disturbance.take() {
             return Some(ReadBack::Unread(error));
         }
-        let again = Self::start(self.node, self.setting, now, out);
-        *self = Self { repeats: self.repeats + 1, is_read_again: self.is_read_again, ..again };
+        self.send(now, out);
         None
     }
 

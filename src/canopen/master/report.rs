@@ -8,7 +8,7 @@ use crate::master::boot_error::BootError;
 use crate::master::error_history::History;
 use crate::master::monitoring_off::EndResult;
 use crate::master::read_back::ReadBack;
-use crate::master::steps::Configuration;
+use crate::master::steps::{Configuration, Stage};
 use crate::object::Object;
 
 /// Change of a node.
@@ -19,7 +19,7 @@ pub(super) enum Report {
     /// Boot that has failed, with its reason.
     Failed(BootError),
     /// End of a boot stage that ran after the node's start.
-    StageDone,
+    StageDone(Stage),
     /// Optional node that is absent, with the time waited. Reported once.
     Absent(Duration),
     /// Change of the NMT state, or loss of the heartbeat.

@@ -261,6 +261,16 @@ impl Slave {
         self.run_stage(steps::Stage::RaiseLimits, now, out)
     }
 
+    /// Starts to prepare a homing; returns false while another request is pending.
+    pub(super) fn prepare_homing(&mut self, now: Instant, out: &mut Vec<Frame>) -> bool {
+        self.run_stage(steps::Stage::PrepareHoming, now, out)
+    }
+
+    /// Starts to restore mode and torque limits after a homing; returns false while another request is pending.
+    pub(super) fn leave_homing(&mut self, now: Instant, out: &mut Vec<Frame>) -> bool {
+        self.run_stage(steps::Stage::LeaveHoming, now, out)
+    }
+
     /// Commands the mode that the node did not take before it was operational.
     fn command_mode(&mut self, now: Instant, out: &mut Vec<Frame>) {
         if self.awaits_mode {
@@ -352,7 +362,7 @@ impl Slave {
         if let Stage::Watched { request, .. } = &mut self.stage {
             *request = None;
         }
-        if report == Some(Report::StageDone) {
+        if matches!(report, Some(Report::StageDone(_))) {
             self.awaits_mode = false;
         }
         if self.awaits_mode && matches!(report, Some(Report::Failed(_))) {

@@ -13,6 +13,7 @@
 //!
 //! A drive that refuses the mode before it is operational (08000022h) gets it again after its start. The torque limit of
 //! one that shows its mode only when enabled is raised to the planned one by `RaiseLimits`, after the mode was seen.
+//! `PrepareHoming` and `LeaveHoming` are around a homing, which an operator requests.
 //!
 //! [`commission`](crate::master::commission) runs the steps.
 
@@ -21,11 +22,11 @@ use std::collections::HashSet;
 use canopen_rs::{NmtCommand, Value};
 use derive_more::Display;
 
-use crate::drive::{Controlword, Statusword};
+use crate::drive::{self, Controlword, Statusword};
 use crate::master::check::Check;
 use crate::nameplate::Nameplate;
 use crate::object::Object;
-use crate::plan::{NodePlan, Revisions, ShownMode};
+use crate::plan::{HomingPlan, NodePlan, Revisions, ShownMode};
 use crate::setting::{Need, Setting};
 
 /// Stage of a boot.
@@ -55,6 +56,10 @@ pub enum Stage {
     CommandMode(Configuration),
     /// Writes the planned torque limits, in place of the reduced ones under which the mode was checked.
     RaiseLimits,
+    /// Prepares a drive that is off for a homing: reduced torque limits, offset, method, mode.
+    PrepareHoming,
+    /// Commands the planned mode again after a homing, then writes the planned torque limits.
+    LeaveHoming,
 }
 
 /// Origin of a node's configuration.
@@ -97,7 +102,9 @@ impl Stage {
             Self::Verify => Next::Stage(Self::CommandMode(Configuration::Skipped)),
             Self::Download if plan.stores_configuration => Next::Stage(Self::Store),
             Self::Download => Next::Stage(Self::CommandMode(Configuration::Downloaded)),
-            Self::RaiseLimits => Next::Done(Configuration::Downloaded),
+            Self::RaiseLimits | Self::PrepareHoming | Self::LeaveHoming => {
+                Next::Done(Configuration::Downloaded)
+            }
             Self::Store => Next::Stage(Self::CommandMode(Configuration::Stored)),
             Self::CommandMode(configuration) => Next::Done(configuration),
         }
@@ -112,7 +119,9 @@ impl Stage {
             | Self::Reset
             | Self::Download
             | Self::CommandMode(_)
-            | Self::RaiseLimits => None,
+            | Self::RaiseLimits
+            | Self::PrepareHoming
+            | Self::LeaveHoming => None,
             Self::CheckPowerOff => Some(Next::Stage(Self::SwitchOff)),
             Self::CheckRunning => Some(Next::Stage(Self::Reset)),
             Self::CheckStoredConfig | Self::Verify => Some(Next::Stage(Self::Download)),
@@ -141,6 +150,10 @@ impl Stage {
             }
             Self::CommandMode(_) => command_mode(plan),
             Self::RaiseLimits => plan.limits_to_raise().into_iter().map(download).collect(),
+            Self::PrepareHoming => {
+                plan.homing.as_ref().map(|homing| prepare_homing(plan, homing)).unwrap_or_default()
+            }
+            Self::LeaveHoming => leave_homing(plan),
             Self::Store => {
                 let save = Check::exactly(Object::STORE_PARAMETERS, Value::Unsigned32(SAVE));
                 let save = Step::Object(Action::Command, save);
@@ -337,6 +350,36 @@ fn command_mode(plan: &NodePlan) -> Vec<Step> {
             limits.chain([command]).collect()
         }
     }
+}
+
+/// Writes reduced limits, then home offset, method and mode, to a drive that reports that it is off.
+fn prepare_homing(plan: &NodePlan, homing: &HomingPlan) -> Vec<Step> {
+    let write = |(object, value)| Step::Object(Action::Write, Check::exactly(object, value));
+    let mut steps = vec![Step::Object(Action::Compare, power_is_off())];
+    steps.extend(homing.reduced_limits.iter().cloned().map(write));
+    steps.extend(homing.offset.map(|at| write((Object::HOME_OFFSET, Value::Integer32(at)))));
+    steps.push(write((Object::HOMING_METHOD, Value::Integer8(homing.method))));
+    steps.extend(mode_steps(plan, drive::HOMING));
+    steps
+}
+
+/// Commands the planned mode, then writes the planned limits, to a drive that reports that it is off.
+fn leave_homing(plan: &NodePlan) -> Vec<Step> {
+    let mut steps = vec![Step::Object(Action::Compare, power_is_off())];
+    steps.extend(plan.mode.into_iter().flat_map(|mode| mode_steps(plan, mode)));
+    steps.extend(plan.limits_after_homing().into_iter().map(download));
+    steps
+}
+
+/// Writes 6060h, and awaits it in 6061h unless the drive displays it only when enabled.
+fn mode_steps(plan: &NodePlan, mode: i8) -> Vec<Step> {
+    let write = Check::exactly(Object::MODE_OF_OPERATION, Value::Integer8(mode));
+    let mut steps = vec![Step::Object(Action::Write, write)];
+    if plan.shown_mode == ShownMode::Always {
+        let shown = Check::exactly(Object::MODE_DISPLAY, Value::Integer8(mode));
+        steps.push(Step::Object(Action::Await, shown));
+    }
+    steps
 }
 
 fn shown_mode(plan: &NodePlan) -> Option<Check> {

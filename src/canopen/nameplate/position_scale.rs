@@ -8,8 +8,10 @@
 //!
 //! 1:1 in 608Fh or 6092h is what unused objects read: it leaves the scale open.
 
+use super::misfit::{NameplateMisfit, number};
+use super::ratio::Ratio;
+use super::stored_value::StoredValue;
 use super::units::SiUnit;
-use super::{NameplateMisfit, Ratio, StoredValue};
 use crate::object::Object;
 
 /// Relative difference between `encoder_counts_per_rev`, an integer, and the scale that the objects fix.
@@ -107,7 +109,7 @@ impl PositionScale {
         self.compare(&found).map_err(|Contradiction { counts, by }| NameplateMisfit {
             name: "position scale",
             object: whole(by),
-            found: format!("{} counts of 6064h per revolution of the motor", super::number(counts)),
+            found: format!("{} counts of 6064h per revolution of the motor", number(counts)),
             expected: self.counts.to_string(),
             remedy: SCALE,
         })

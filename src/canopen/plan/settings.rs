@@ -68,6 +68,16 @@ impl NodePlan {
     /// Torque limits that replace the reduced ones once the mode is seen. They are among the settings.
     pub fn limits_to_raise(&self) -> Vec<Setting> {
         let ShownMode::WhenEnabled { reduced_limits } = &self.shown_mode else { return Vec::new() };
+        self.planned(reduced_limits)
+    }
+
+    /// Torque limits that replace the reduced ones after a homing. They are among the settings.
+    pub fn limits_after_homing(&self) -> Vec<Setting> {
+        self.homing.as_ref().map(|homing| self.planned(&homing.reduced_limits)).unwrap_or_default()
+    }
+
+    /// Settings of the objects that `reduced_limits` reduces.
+    fn planned(&self, reduced_limits: &[(Object, Value)]) -> Vec<Setting> {
         let is_reduced = |setting: &Setting| {
             reduced_limits.iter().any(|(object, _)| *object == setting.check.object)
         };

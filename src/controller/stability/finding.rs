@@ -80,7 +80,11 @@ impl Finding {
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, axis, left, right, verdict, reason, .. } = self;
-        write!(f, "{name}, {axis}: {left} must stay below {right}")?;
+        if right.value.is_infinite() {
+            write!(f, "{name}, {axis}: {left} has no upper bound")?;
+        } else {
+            write!(f, "{name}, {axis}: {left} must stay below {right}")?;
+        }
         match verdict {
             Verdict::Holds => Ok(()),
             Verdict::Warns | Verdict::Refuses => write!(f, "; {reason}"),
@@ -147,6 +151,20 @@ mod tests {
             "pose reflection, x: K T/2 + n K T = 1.50 N·s/m must stay below b = 0.312 N·s/m; the \
              hand covers it"
         );
+    }
+
+    #[test]
+    fn infinite_bound_is_said_in_words() {
+        let finding = Finding {
+            name: "damping, held",
+            axis: "x",
+            left: side("K_D", 8.0),
+            right: side("K_D at ρ = 1", f64::INFINITY),
+            verdict: Verdict::Holds,
+            reason: String::new(),
+            culprit: Culprit::Damping,
+        };
+        assert_eq!(finding.to_string(), "damping, held, x: K_D = 8.00 N·s/m has no upper bound");
     }
 
     #[test]

@@ -9,6 +9,9 @@
 //! - An adjacent joint has moved clearly, by more than the tremor of a resting hand.
 //!
 //! A frozen encoder of an unloaded joint therefore stays undetected until the joint is loaded.
+//!
+//! While gravity compensation ramps up, torque changes without motion: a cradle or the hand hands the weight over, and friction
+//! may hold the joint. That change does not count.
 
 use std::time::Duration;
 
@@ -23,6 +26,17 @@ const MIN_TORQUE: u16 = 200;
 
 /// Minimum change of target torque that moves a joint, in ‰ of rated torque.
 const MIN_TORQUE_CHANGE: u16 = 100;
+
+/// State of gravity compensation, whose ramps change a joint's torque without motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Weight {
+    /// Off, or ramping down.
+    NotCarried,
+    /// Ramping up.
+    TakenOver,
+    /// Full.
+    Carried,
+}
 
 /// Frozen-encoder detection of all joints.
 #[derive(Clone, Copy, Debug)]
@@ -53,13 +67,13 @@ impl Frozen {
         Self { timeout, clear, standstill: [None; 6] }
     }
 
-    /// Ends all standstills. While gravity compensation ramps down, torque changes and friction may hold a joint.
-    pub(super) const fn reset(&mut self) {
-        self.standstill = [None; 6];
-    }
-
     /// Checks the samples of a cycle. `targets` acted until its SYNC, in ‰ of rated torque.
-    pub(super) fn check(&mut self, sampled: &SampleSet<'_>, targets: &[i16; 6]) -> Option<Cause> {
+    pub(super) fn check(
+        &mut self,
+        sampled: &SampleSet<'_>,
+        targets: &[i16; 6],
+        weight: Weight,
+    ) -> Option<Cause> {
         let positions = sampled.latest.map(|sample| sample.position);
         let clear = self.clear;
         let mut frozen = None;
@@ -69,9 +83,16 @@ impl Frozen {
             }
             let now = joint.entry(&positions);
             let standstill = match standstill {
-                Some(standstill) if joint.entry(&standstill.from) == now => standstill,
+                Some(standstill)
+                    if joint.entry(&standstill.from) == now && weight != Weight::NotCarried =>
+                {
+                    standstill
+                }
                 moved => moved.insert(Standstill::new(sampled.at, positions, *target)),
             };
+            if weight == Weight::TakenOver {
+                standstill.torque_range = [*target; 2];
+            }
             standstill.update(joint, &positions, &clear, *target);
             let has_timed_out = sampled.at.since(standstill.since) >= self.timeout;
             if has_timed_out && standstill.is_implausible(*target) {
@@ -122,7 +143,7 @@ mod tests {
                 .map(|counts| DriveSample { position: Counts(counts), ..DriveSample::default() });
             let (torques, demands) = ([false; 6], [None; 6]);
             let sampled = SampleSet { at, latest: &latest, fresh: [true; 6], torques, demands };
-            let cause = frozen.check(&sampled, &[0, 0, torque(cycle), 0, 0, 0]);
+            let cause = frozen.check(&sampled, &[0, 0, torque(cycle), 0, 0, 0], Weight::Carried);
             assert!(
                 cause
                     .is_none_or(|cause| cause == Cause::PositionFrozen { joint: Joint::of::<3>() })
@@ -166,7 +187,7 @@ mod tests {
             other.entry_mut(&mut latest).position = Counts(position(cycle));
             let (torques, demands) = ([false; 6], [None; 6]);
             let sampled = SampleSet { at, latest: &latest, fresh: [true; 6], torques, demands };
-            frozen.check(&sampled, &[0, 0, changing(cycle), 0, 0, 0]).is_some()
+            frozen.check(&sampled, &[0, 0, changing(cycle), 0, 0, 0], Weight::Carried).is_some()
         })
     }
 
@@ -189,5 +210,28 @@ mod tests {
     fn torque_before_the_standstill_does_not_count() {
         let torque = |cycle| if cycle < 900 { changing(cycle) } else { 300 };
         assert_eq!(fault_cycle(|cycle| cycle.min(900), |cycle| cycle, torque), None);
+    }
+
+    /// Returns the cycle of 1 ms of the fault of joint 3, which stands still: its torque rises to `full` until cycle 1,000
+    /// while its weight is taken over, and by `more` afterwards.
+    fn fault_cycle_in_ramp(full: i32, more: i32) -> Option<i32> {
+        let mut frozen = Frozen::new(Duration::from_millis(500), [100; 6]);
+        (0..2_000).find(|&cycle| {
+            let at = Instant::from_micros(1_000 * u64::try_from(cycle).unwrap());
+            let mut latest = [DriveSample::default(); 6];
+            latest[1].position = Counts(cycle);
+            let (torques, demands) = ([false; 6], [None; 6]);
+            let sampled = SampleSet { at, latest: &latest, fresh: [true; 6], torques, demands };
+            let weight = if cycle < 1_000 { Weight::TakenOver } else { Weight::Carried };
+            let torque = full * cycle.min(1_000) / 1_000 + more * (cycle - 1_000).max(0) / 1_000;
+            let targets = [0, 0, i16::try_from(torque).unwrap(), 0, 0, 0];
+            frozen.check(&sampled, &targets, weight).is_some()
+        })
+    }
+
+    #[test]
+    fn hazard_05_torque_of_the_ramp_does_not_count() {
+        assert_eq!(fault_cycle_in_ramp(500, 0), None);
+        assert_eq!(fault_cycle_in_ramp(500, 500), Some(1_200), "a tenth more since the ramp");
     }
 }

@@ -28,11 +28,14 @@ impl Limits {
         Self { ranges: wider, kinds }
     }
 
-    /// Checks joint positions in rad or m. NaN is beyond the limit.
-    pub(super) fn check(&self, q: &JointVector) -> Option<Cause> {
+    /// Checks the positions of joints with a known zero, in rad or m. NaN is beyond the limit.
+    pub(super) fn check(&self, q: &JointVector, known: &[bool; 6]) -> Option<Cause> {
         let mut joints = Joint::each(q.iter().zip(self.ranges));
+        let is_beyond = |joint: Joint, q: &f64, [low, high]: [f64; 2]| {
+            *joint.entry(known) && !(low..=high).contains(q)
+        };
         let (joint, (q, [low, high])) =
-            joints.find(|(_, (q, [low, high]))| !(low..=high).contains(q))?;
+            joints.find(|(joint, (q, range))| is_beyond(*joint, q, *range))?;
         let of = |position| JointReading::new(position, *joint.entry(&self.kinds));
         let limit = if *q < low { low } else { high };
         Some(Cause::BeyondLimit { joint, position: of(*q), limit: of(limit) })
@@ -52,7 +55,7 @@ mod tests {
         let text = |place: usize, position: f64| {
             let mut q = JointVector::from([0.0; 6]);
             q[place] = position;
-            limits.check(&q).unwrap().with_name(&["", "pitch", "slide", "", "", ""])
+            limits.check(&q, &[true; 6]).unwrap().with_name(&["", "pitch", "slide", "", "", ""])
         };
         let keys = "check zero_counts, gear_ratio (and its sign) and limit";
         assert_eq!(
@@ -72,12 +75,14 @@ mod tests {
     #[test]
     fn hazard_43_joint_beyond_its_stop_is_a_fault_one_on_it_is_not() {
         let limits = Limits::new([[-1.0, 2.0]; 6], [0.02; 6], [JointKind::Revolute; 6]);
-        let check = |q| limits.check(&JointVector::from([0.0, 0.0, 0.0, 0.0, 0.0, q]));
+        let check = |q| limits.check(&JointVector::from([0.0, 0.0, 0.0, 0.0, 0.0, q]), &[true; 6]);
         for q in [-1.019, 0.0, 2.019] {
             assert_eq!(check(q), None);
         }
         for q in [-1.021, 2.021, f64::NAN, f64::INFINITY] {
             let beyond = check(q).unwrap();
+            let q = JointVector::from([0.0, 0.0, 0.0, 0.0, 0.0, q]);
+            assert_eq!(limits.check(&q, &[true, true, true, true, true, false]), None);
             assert_eq!(
                 (beyond.kind(), beyond.joint()),
                 (CauseKind::BeyondLimit, Some(Joint::of::<6>())),

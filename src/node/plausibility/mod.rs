@@ -27,6 +27,7 @@ mod torque;
 mod torque_range;
 mod zero_torque;
 
+pub(crate) use frozen::Weight;
 pub(super) use sample_filter::{FilterResult, SampleFilter};
 pub(super) use sample_set::SampleSet;
 
@@ -114,18 +115,32 @@ impl Plausibility {
         self.checks = self.initial;
     }
 
-    /// Checks the samples of a cycle and the output of the controller. `gravity_is_on` is false while gravity
-    /// compensation ramps down or is off.
+    /// Clears the last positions: the next ones are from other zeros.
+    pub(super) const fn on_zero_set(&mut self) {
+        self.checks.speed = self.initial.speed;
+    }
+
+    /// Checks the samples of a cycle and the output of the controller. Causes of zero torque precede those that end reflection
+    /// only. Limits of joints without a known zero are not checked.
     pub(super) fn check(
         &mut self,
         sampled: &SampleSet<'_>,
         output: &Output,
-        gravity_is_on: bool,
+        weight: Weight,
+        known: &[bool; 6],
     ) -> Option<Cause> {
-        if !gravity_is_on {
-            self.checks.frozen.reset();
-        }
-        self.checks.check(sampled, output)
+        let checks = &mut self.checks;
+        let is_complete = sampled.fresh == [true; 6];
+        let p_0_g = output.x_0_g.translation.vector;
+        let snapshot = is_complete.then_some(Snapshot { at: sampled.at, q: output.q, p_0_g });
+        let speed = snapshot.and_then(|snapshot| checks.speed.check(&snapshot));
+        let frozen = checks.frozen.check(sampled, &checks.sent.acted(), weight);
+        let torque = checks.torque.check(sampled);
+        let held = checks.held_target.check(&sampled.demands);
+        checks.zero_torque.on_samples(sampled);
+        let limits = checks.limits.check(&output.q, known);
+        let missing = checks.missing_rate.end_cycle(&sampled.fresh);
+        speed.or(frozen).or(held).or(torque).or(limits).or(missing)
     }
 
     /// Takes the target torques sent to the drives, in ‰ of rated torque.
@@ -159,23 +174,6 @@ impl Plausibility {
         taken: Option<PerMille>,
     ) -> Option<Cause> {
         self.checks.held_target.on_reply(joint, taken)
-    }
-}
-
-impl Checks {
-    /// Runs all checks. Causes of zero torque precede those that end reflection only.
-    fn check(&mut self, sampled: &SampleSet<'_>, output: &Output) -> Option<Cause> {
-        let is_complete = sampled.fresh == [true; 6];
-        let p_0_g = output.x_0_g.translation.vector;
-        let snapshot = is_complete.then_some(Snapshot { at: sampled.at, q: output.q, p_0_g });
-        let speed = snapshot.and_then(|snapshot| self.speed.check(&snapshot));
-        let frozen = self.frozen.check(sampled, &self.sent.acted());
-        let torque = self.torque.check(sampled);
-        let held = self.held_target.check(&sampled.demands);
-        self.zero_torque.on_samples(sampled);
-        let limits = self.limits.check(&output.q);
-        let missing = self.missing_rate.end_cycle(&sampled.fresh);
-        speed.or(frozen).or(held).or(torque).or(limits).or(missing)
     }
 }
 

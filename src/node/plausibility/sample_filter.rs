@@ -62,6 +62,11 @@ impl SampleFilter {
         self.first = None;
     }
 
+    /// Accepts any next position: the drive has set its zero.
+    pub(crate) const fn accept_step(&mut self) {
+        self.jump = Jump::new(self.limit);
+    }
+
     /// Starts a SYNC window at `now`.
     pub(crate) fn start_window(&mut self, now: Instant) {
         self.balance.start_window(now);

@@ -47,6 +47,8 @@ pub(super) struct ProofTest {
     stopping: Vec<Stopping>,
     phase: Phase,
     report: ProofTestReport,
+    /// Drives with an RPDO timer, by plan and boot; each cycle asks.
+    has_rpdo_timer: [bool; 6],
     /// Drives that reported another NMT state than operational.
     has_left_operational: [bool; 6],
     recheck: Recheck,
@@ -90,6 +92,7 @@ impl ProofTest {
             stopping: config.stopping(),
             phase: Phase::Pending,
             report: ProofTestReport::default(),
+            has_rpdo_timer: [false; 6],
             has_left_operational: [false; 6],
             recheck: Recheck::default(),
             facts: config.facts(),
@@ -101,7 +104,9 @@ impl ProofTest {
     pub(super) fn restart(&mut self) {
         self.phase = Phase::Pending;
         self.report = ProofTestReport::default();
+        self.has_rpdo_timer = [false; 6];
         self.has_left_operational = [false; 6];
+        self.recheck = Recheck::default();
     }
 
     /// Returns the results; empty before a test.
@@ -152,6 +157,7 @@ impl ProofTest {
             held: master.nameplate(node).to_vec(),
         };
         self.report.drives = NodeIndex::each(&self.plans).map(drive).collect();
+        self.has_rpdo_timer = self.watchdogs(LifeSign::Rpdo).map(|watchdog| watchdog.is_some());
         self.recheck = Recheck::new(&self.plans, master);
         for (node, facts) in NodeIndex::each(&mut self.facts) {
             *facts = facts.found(master.nameplate(node));
@@ -177,8 +183,8 @@ impl ProofTest {
     }
 
     /// Returns the drives whose RPDO timers stop them without RPDOs.
-    pub(super) fn has_rpdo_timer(&self) -> [bool; 6] {
-        self.watchdogs(LifeSign::Rpdo).map(|watchdog| watchdog.is_some())
+    pub(super) const fn has_rpdo_timer(&self) -> [bool; 6] {
+        self.has_rpdo_timer
     }
 
     /// Returns the watchdog of each drive for this frame, if it is planned and the drive has its object.
@@ -239,48 +245,24 @@ impl ProofTest {
     /// statuswords and changes of the NMT state (1029h) are part of it.
     pub(super) fn on_event(&mut self, now: Instant, event: &Event) -> Relation {
         let is_running = matches!(self.phase, Phase::Running(_) | Phase::Recovering);
-        let is_part = match event {
-            Event::Emergency { node, emergency } if is_running => match node.joint() {
-                Some(joint) => return self.on_emergency(now, joint, emergency),
-                None => false,
-            },
-            Event::ReadBack { .. } => self.recheck.on_event(event),
-            Event::Statusword { node, statusword } => {
-                if let Some((test, joint)) = self.running_test().zip(node.joint()) {
-                    test.on_sdo_answer(now, joint, *statusword);
-                }
-                is_running
+        let is_part = if let Event::Emergency { node, emergency } = event {
+            if let Some(joint) = node.joint().filter(|_| is_running) {
+                return self.on_emergency(now, joint, emergency);
             }
-            Event::StateChanged { node, state } => {
-                let is_operational = *state == NmtState::Operational;
-                // The heartbeat that reports operational again may arrive after the test.
-                let left =
-                    node.joint().map(|joint| joint.entry_mut(&mut self.has_left_operational));
-                let returns = left.map(|left| std::mem::replace(left, !is_operational));
-                returns.is_some_and(|returns| is_running || returns && is_operational)
+            false
+        } else if let Event::Statusword { node, statusword } = event {
+            if let Some((test, joint)) = self.running_test().zip(node.joint()) {
+                test.on_sdo_answer(now, joint, *statusword);
             }
-            Event::Emergency { .. }
-            | Event::EmergencyWarning { .. }
-            | Event::LimitsRaised { .. }
-            | Event::Tested { .. }
-            | Event::Booted
-            | Event::BootFailed(_)
-            | Event::FoundEnabled { .. }
-            | Event::Configured { .. }
-            | Event::ValueRefused { .. }
-            | Event::Absent { .. }
-            | Event::Joined { .. }
-            | Event::ErrorHistory { .. }
-            | Event::MonitoringEnded { .. }
-            | Event::MonitoringKept { .. }
-            | Event::HeartbeatLost { .. }
-            | Event::Rebooted { .. }
-            | Event::Duplicate { .. }
-            | Event::ReadByAnother { .. }
-            | Event::UnknownNode { .. }
-            | Event::StillOn { .. }
-            | Event::PowerOffConfirmed { .. }
-            | Event::ForeignMaster { .. } => false,
+            is_running
+        } else if let Event::StateChanged { node, state } = event {
+            let is_operational = *state == NmtState::Operational;
+            // The heartbeat that reports operational again may arrive after the test.
+            let left = node.joint().map(|joint| joint.entry_mut(&mut self.has_left_operational));
+            let returns = left.map(|left| std::mem::replace(left, !is_operational));
+            returns.is_some_and(|returns| is_running || returns && is_operational)
+        } else {
+            self.recheck.on_event(event)
         };
         if is_part { Relation::Part } else { Relation::Unrelated }
     }

@@ -29,6 +29,8 @@ pub const fn of_event(event: &Event) -> Option<Cause> {
         Event::Emergency { .. }
         | Event::EmergencyWarning { .. }
         | Event::LimitsRaised { .. }
+        | Event::HomingPrepared { .. }
+        | Event::HomingLeft { .. }
         | Event::Tested { .. }
         | Event::Booted
         | Event::BootFailed(_)

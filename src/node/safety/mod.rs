@@ -42,6 +42,7 @@ use crate::reaction::Reaction;
 use crate::record::Mode;
 use crate::safety::active_causes::ActiveCauses;
 use crate::safety::ramp::Ramp;
+use canopen::drive::{State, Statusword};
 use config::NoSwitchBox;
 use units::numbering::Joint;
 use units::time::Instant;
@@ -59,7 +60,7 @@ pub enum Refusal {
     #[error("not ready: the node is {0}")]
     NotReady(Mode),
     /// A stop is latched. Its cause is reported before any other reason.
-    #[error("stopped by {0}; reset first")]
+    #[error("stopped: {0}. Run `frhc ctl reset` first")]
     Stopped(Cause),
     /// The deadman is closed: arming would engage at once, or hide a stuck contact.
     #[error("the deadman is closed: release it first")]
@@ -81,11 +82,20 @@ pub enum Refusal {
     CauseActive(Cause),
 }
 
+/// Maximum times from a call of [`boot`](Safety::boot) until all drives are enabled.
+#[derive(Clone, Copy, Debug)]
+pub struct EnableTimes {
+    /// Time for drives that have left `Not ready to switch on`: `safety.enable_ms`.
+    pub enable: Duration,
+    /// Time of each drive in `Not ready to switch on`, where longer: its `boot_ms`.
+    pub initialise: [Duration; 6],
+}
+
 /// Times from the configuration.
 #[derive(Clone, Copy, Debug)]
 pub struct SafetyTimes {
-    /// Maximum time from a call of [`boot`](Safety::boot) until all drives are enabled.
-    pub enable: Duration,
+    /// Maximum times until all drives are enabled.
+    pub enable: EnableTimes,
     /// Time from zero to full gravity compensation, after arming.
     pub gravity: Duration,
     /// Time from zero to full reflection and assistance, after engaging.
@@ -106,7 +116,9 @@ pub struct LatchedStop {
 pub struct Safety {
     mode: Mode,
     since: Instant,
-    enable_timeout: Duration,
+    /// Start of the enable timeout: the last time at which a drive was `Not ready to switch on`, or `since`.
+    enabling_since: Instant,
+    times: EnableTimes,
     /// First cause of the latched stop.
     cause: Option<Cause>,
     /// True if any cause of the latched stop requires a boot.
@@ -125,7 +137,8 @@ impl Safety {
         Self {
             mode: Mode::Boot,
             since: Instant::ZERO,
-            enable_timeout: times.enable,
+            enabling_since: Instant::ZERO,
+            times: times.enable,
             cause: None,
             must_boot: false,
             active: ActiveCauses::new(),
@@ -157,15 +170,28 @@ impl Safety {
     }
 
     /// Returns the cause if the drive of `joint` reports `statusword`, which is not `Operation enabled`.
-    pub fn watch_enabled(&self, now: Instant, joint: Joint, statusword: u16) -> Option<Cause> {
+    pub fn watch_enabled(&mut self, now: Instant, joint: Joint, statusword: u16) -> Option<Cause> {
         match self.mode {
-            Mode::Boot if now.since(self.since) <= self.enable_timeout => None,
-            Mode::Boot => Some(Cause::EnableTimeout { joint, statusword }),
+            Mode::Boot => {
+                let is_late = self.is_enabled_late(now, joint, statusword);
+                is_late.then_some(Cause::EnableTimeout { joint, statusword })
+            }
             Mode::Ready | Mode::Armed | Mode::Engaged | Mode::ReflectionOff => {
                 Some(Cause::DriveLeft { joint, statusword })
             }
             Mode::ZeroTorque | Mode::DrivesOff => None,
         }
+    }
+
+    /// Returns whether the time to enable a drive is over. It starts when the drive leaves `Not ready to switch on`, for which
+    /// it has the time of its boot.
+    fn is_enabled_late(&mut self, now: Instant, joint: Joint, statusword: u16) -> bool {
+        let EnableTimes { enable, initialise } = self.times;
+        if Statusword(statusword).state() == Some(State::NotReadyToSwitchOn) {
+            self.enabling_since = now;
+            return now.since(self.since) > enable.max(*joint.entry(&initialise));
+        }
+        now.since(self.enabling_since) > enable
     }
 
     /// Enters `DrivesOff` without a cause: the orderly stop, or a bring-up that failed.
@@ -192,12 +218,11 @@ impl Safety {
         }
     }
 
-    /// Enters `Armed`: gravity compensation ramps up, and the deadman engages.
+    /// Checks that the node is ready and the deadman known to be released: no torque acts, and no press waits.
     ///
     /// # Errors
-    /// When the mode is not `Ready`, there is no switch box, or the deadman is not known to be released. Also when an active
-    /// cause would stop the armed node.
-    pub fn arm(&mut self, now: Instant, enable_state: Option<EnableState>) -> Result<(), Refusal> {
+    /// When a stop is latched, the mode is not `Ready`, there is no switch box, or the deadman is not known to be released.
+    pub fn check_released(&self, enable_state: Option<EnableState>) -> Result<(), Refusal> {
         if let Some(cause) = self.cause.filter(|_| self.mode.is_latched()) {
             return Err(Refusal::Stopped(cause));
         }
@@ -206,13 +231,19 @@ impl Safety {
             return Err(Refusal::NotReady(self.mode));
         }
         match enable_state {
-            EnableState::Released => {}
-            EnableState::Silent => return Err(Refusal::SwitchBoxSilent),
-            EnableState::Unsettled => return Err(Refusal::DeadmanNotSettled),
-            EnableState::ClosedWithoutRelease | EnableState::Held => {
-                return Err(Refusal::DeadmanClosed);
-            }
+            EnableState::Released => Ok(()),
+            EnableState::Silent => Err(Refusal::SwitchBoxSilent),
+            EnableState::Unsettled => Err(Refusal::DeadmanNotSettled),
+            EnableState::ClosedWithoutRelease | EnableState::Held => Err(Refusal::DeadmanClosed),
         }
+    }
+
+    /// Enters `Armed`: gravity compensation ramps up, and the deadman engages.
+    ///
+    /// # Errors
+    /// As [`check_released`](Self::check_released), and when an active cause would stop the armed node.
+    pub fn arm(&mut self, now: Instant, enable_state: Option<EnableState>) -> Result<(), Refusal> {
+        self.check_released(enable_state)?;
         let would_stop = |kind: CauseKind| kind.row().armed > Reaction::NoStop;
         if let Some(cause) = self.active.first(now, would_stop) {
             return Err(Refusal::CauseActive(cause));
@@ -312,7 +343,7 @@ impl Safety {
     }
 
     fn enter(&mut self, mode: Mode, now: Instant) {
-        (self.mode, self.since) = (mode, now);
+        (self.mode, self.since, self.enabling_since) = (mode, now, now);
         self.reflection.reset(now);
         if !self.allows_torque() {
             self.gravity.reset(now);

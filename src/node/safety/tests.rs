@@ -13,7 +13,17 @@ use controller::arm::JointKind;
 use units::numbering::NodeIndex;
 
 const TIMES: SafetyTimes = SafetyTimes {
-    enable: Duration::from_secs(2),
+    enable: EnableTimes {
+        enable: Duration::from_secs(2),
+        initialise: [
+            Duration::from_secs(2),
+            Duration::from_secs(1),
+            Duration::from_secs(5),
+            Duration::from_secs(2),
+            Duration::from_secs(2),
+            Duration::from_secs(2),
+        ],
+    },
     gravity: Duration::from_secs(1),
     reflection: Duration::from_millis(300),
 };
@@ -23,6 +33,29 @@ const LATER: u64 = 10_000;
 
 fn at(millis: u64) -> Instant {
     Instant::from_micros(millis * 1_000)
+}
+
+#[test]
+fn drive_may_be_not_ready_for_its_boot_time_then_is_enabled() {
+    let [short, long] = [Joint::of::<2>(), Joint::of::<3>()];
+    let (not_ready, disabled) = (0x0600, 0x0650);
+    let late = |joint, statusword| Some(Cause::EnableTimeout { joint, statusword });
+    let mut safety = Safety::new(TIMES);
+    safety.boot(at(1_000));
+    // A shorter time than that to enable the drives makes no difference.
+    assert_eq!(safety.watch_enabled(at(3_000), short, not_ready), None);
+    assert_eq!(safety.watch_enabled(at(3_001), short, not_ready), late(short, not_ready));
+    assert_eq!(safety.watch_enabled(at(6_000), long, not_ready), None);
+    assert_eq!(safety.watch_enabled(at(6_001), long, not_ready), late(long, not_ready));
+
+    let mut safety = Safety::new(TIMES);
+    safety.boot(at(1_000));
+    assert_eq!(safety.watch_enabled(at(5_500), long, not_ready), None);
+    assert_eq!(safety.watch_enabled(at(7_500), long, disabled), None);
+    assert_eq!(safety.watch_enabled(at(7_501), long, disabled), late(long, disabled));
+    safety.boot(at(8_000));
+    assert_eq!(safety.watch_enabled(at(10_000), long, disabled), None);
+    assert_eq!(safety.watch_enabled(at(10_001), long, disabled), late(long, disabled));
 }
 
 fn armed() -> Safety {
@@ -118,6 +151,8 @@ fn sample(kind: CauseKind) -> Cause {
         CauseKind::Suspended => Cause::Suspended,
         CauseKind::EnableTimeout => Cause::EnableTimeout { joint, statusword },
         CauseKind::NotOff => Cause::NotOff { joint, statusword },
+        CauseKind::HomingFailed => Cause::HomingFailed { joint },
+        CauseKind::ZeroUnknown => Cause::ZeroUnknown { joint },
         CauseKind::AwaitsReset => Cause::AwaitsReset { reason: ResetReason::UncleanEnd },
     }
 }

@@ -1,14 +1,18 @@
 //! Contact posture at the wall, as `frhc check` reports it.
 
 use config::Config;
-use controller::contact_posture::{ContactPosture, PostureBounds};
+use controller::contact_posture::{ContactPosture, OutOfReach, PostureBounds};
 
 /// Logs a warning if the wall is out of reach of the hand, or the object starts in it.
 pub fn warn(config: &Config) {
-    let is_missed = config.wall_contact().is_some_and(|met| met.posture.is_err());
-    if is_missed || config.wall_depth_at_start().is_some() {
+    if is_missed(config) || config.wall_depth_at_start().is_some() {
         line(config).iter().for_each(|line| tracing::warn!("{line}"));
     }
+}
+
+/// Returns whether the hand does not reach the wall.
+pub(super) fn is_missed(config: &Config) -> bool {
+    config.wall_contact().is_some_and(|met| met.posture.is_err())
 }
 
 /// Returns the line about the wall; `None` without a wall.
@@ -29,9 +33,29 @@ pub(super) fn line(config: &Config) -> Option<String> {
             )
         }
         Err(reason) => {
-            format!("contact warning   wall {away:.3} m from the start, in pose mode: {reason}")
+            let wall = match away.is_finite() {
+                true => format!("wall {away:.3} m from the start"),
+                false => "wall out of reach".to_owned(),
+            };
+            format!("contact warning   {wall}, in pose mode: {reason}; {}", remedy(&reason))
         }
     })
+}
+
+/// Returns the keys that bring the wall within reach.
+const fn remedy(reason: &OutOfReach) -> &'static str {
+    match reason {
+        OutOfReach::NoPosture { .. } => {
+            "move remote.wall.point_m towards the object, or raise controller.pose_gain"
+        }
+        OutOfReach::AtStart { .. } => {
+            "start the joints elsewhere: start_deg (start_m), else rest_deg (rest_m)"
+        }
+        OutOfReach::NoGain { .. } => "raise it",
+        OutOfReach::JointRange { .. } => {
+            "move remote.wall.point_m towards the object, or widen its limit_deg (limit_m)"
+        }
+    }
 }
 
 /// Returns the posture's figures in words.

@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::exit::{Failure, Kind, OrFail};
 use crate::print;
 use canopen::eds::{Eds, Finding, Severity};
+use config::file_kind::FileKind;
 use config::{Config, EdsFile, files};
 
 /// EDS file with its findings.
@@ -22,12 +23,14 @@ struct Report {
 /// Maximum number of gaps listed for a file.
 const MAX_GAPS: usize = 3;
 
-/// Returns one line for each gap in an EDS, and one for each EDS with other errors. A file that several nodes share is
-/// named once.
+/// Returns one line for each gap in an EDS, one for each EDS with other errors, and one for each number of an identity that
+/// its EDS contradicts. A file that several nodes share is named once.
 pub(super) fn lines(config: &Config) -> Vec<String> {
     let mut lines = Vec::new();
-    for EdsFile { path, errors, gaps, .. } in &config.eds_files {
+    for EdsFile { path, eds, errors, gaps } in &config.eds_files {
         let path = path.display();
+        let conflicts = eds.identity_conflicts().into_iter();
+        lines.extend(conflicts.map(|conflict| format!("eds   {path}:{conflict}")));
         let shown = gaps.iter().take(MAX_GAPS);
         lines.extend(
             shown.map(|gap| format!("eds   {path}:{gap}; nothing that is used is missing")),
@@ -69,7 +72,13 @@ pub(super) fn run(paths: &[PathBuf], json: bool) -> Result<(), Failure> {
 fn read(file: &Path) -> Result<Report, Failure> {
     let named = || file.display().to_string();
     let bytes = files::read(file).with_context(named).or_fail(Kind::Configuration)?;
-    let eds = Eds::parse(&bytes).with_context(named).or_fail(Kind::Configuration)?;
+    let eds = match (Eds::parse(&bytes), str::from_utf8(&bytes).ok().and_then(FileKind::from_text))
+    {
+        (Err(_), Some(kind)) => {
+            return Err(Failure::new(Kind::Configuration, format!("{}: is {kind}", named())));
+        }
+        (parsed, _) => parsed.with_context(named).or_fail(Kind::Configuration)?,
+    };
     Ok(Report { file: named(), objects: eds.objects().len(), findings: eds.lint() })
 }
 

@@ -87,6 +87,8 @@ fn name(request: Request) -> String {
         Request::Arm => "arm".to_owned(),
         Request::Disarm => "disarm".to_owned(),
         Request::Reset => "reset".to_owned(),
+        Request::Zero(None) => "zero".to_owned(),
+        Request::Zero(Some(joint)) => format!("zero of joint {joint}"),
         Request::Command(CommandMode::Rate) => "mode rate".to_owned(),
         Request::Command(CommandMode::Pose) => "mode pose".to_owned(),
         Request::Adjust(adjustment) => adjustment.to_string(),

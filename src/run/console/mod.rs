@@ -1,7 +1,8 @@
 //! Control socket of a running node. Requests and responses are JSON objects, one per line.
 //!
 //! Requests are `{"ask":"status"}`, `{"ask":"arm"}`, `{"ask":"disarm"}`, `{"ask":"reset"}`, `{"ask":"mode rate"}`,
-//! `{"ask":"mode pose"}`, `{"ask":"scale motion 0.5"}`, `{"ask":"lock rz on"}` and `{"ask":"align"}`. Responses are
+//! `{"ask":"mode pose"}`, `{"ask":"scale motion 0.5"}`, `{"ask":"lock rz on"}`, `{"ask":"align"}`, `{"ask":"zero"}` and
+//! `{"ask":"zero 3"}` for joint 3. Responses are
 //! `{"ok":true,…}` or `{"ok":false,"error":"…"}`. A disarm is answered with `ok` once no drive may push.
 //!
 //! | file              | content                                                         |
@@ -30,6 +31,7 @@ use serde::{Deserialize, Serialize};
 use node::record::Mode;
 use telemetry::status::Status;
 use units::adjustment::Adjustment;
+use units::numbering::Joint;
 
 /// Requests of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Display, Serialize, Deserialize)]
@@ -47,6 +49,8 @@ pub(super) enum ConsoleCommand {
     Rate,
     #[display("mode pose")]
     Pose,
+    #[display("zero{}", _0.map(|joint| format!(" {joint}")).unwrap_or_default())]
+    Zero(Option<Joint>),
     #[display("{_0}")]
     Adjust(Adjustment),
 }
@@ -55,7 +59,19 @@ impl TryFrom<String> for ConsoleCommand {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
-        let known = [Self::Status, Self::Arm, Self::Disarm, Self::Reset, Self::Rate, Self::Pose];
+        let zeros = [None].into_iter().chain(Joint::ALL.map(Some)).map(Self::Zero);
+        if let Some(command) = zeros.into_iter().find(|command| command.to_string() == text) {
+            return Ok(command);
+        }
+        let known = [
+            Self::Status,
+            Self::Arm,
+            Self::Disarm,
+            Self::Reset,
+            Self::Rate,
+            Self::Pose,
+            Self::Zero(None),
+        ];
         if let Some(command) = known.into_iter().find(|command| command.to_string() == text) {
             return Ok(command);
         }
@@ -114,7 +130,8 @@ mod tests {
 
     #[test]
     fn request_lines_are_those_of_the_protocol_only() {
-        let names = ["status", "arm", "disarm", "reset", "mode rate", "mode pose"];
+        let names =
+            ["status", "arm", "disarm", "reset", "mode rate", "mode pose", "zero", "zero 3"];
         let asks = [
             ConsoleCommand::Status,
             ConsoleCommand::Arm,
@@ -122,13 +139,21 @@ mod tests {
             ConsoleCommand::Reset,
             ConsoleCommand::Rate,
             ConsoleCommand::Pose,
+            ConsoleCommand::Zero(None),
+            ConsoleCommand::Zero(Some(Joint::of::<3>())),
         ];
         for (name, ask) in names.into_iter().zip(asks) {
             let line = format!("{{\"ask\":\"{name}\"}}");
             assert_eq!(serde_json::from_str::<RequestLine>(&line).unwrap().ask, ask);
             assert_eq!(serde_json::to_string(&RequestLine { ask }).unwrap(), line);
         }
-        for line in ["{\"ask\":\"Arm\"}", "{\"ask\":\"arm\",\"force\":true}", "{}", "\"arm\""] {
+        for line in [
+            "{\"ask\":\"Arm\"}",
+            "{\"ask\":\"zero 7\"}",
+            "{\"ask\":\"arm\",\"force\":true}",
+            "{}",
+            "\"arm\"",
+        ] {
             assert!(serde_json::from_str::<RequestLine>(line).is_err(), "{line}");
         }
     }

@@ -85,6 +85,7 @@ impl RequestHandler {
             ConsoleCommand::Disarm => return self.disarm(uid).await,
             ConsoleCommand::Arm => Request::Arm,
             ConsoleCommand::Reset => Request::Reset,
+            ConsoleCommand::Zero(joint) => Request::Zero(joint),
             ConsoleCommand::Rate => Request::Command(CommandMode::Rate),
             ConsoleCommand::Pose => Request::Command(CommandMode::Pose),
             ConsoleCommand::Adjust(adjustment) => Request::Adjust(adjustment),
@@ -118,7 +119,7 @@ impl RequestHandler {
             reply.send(handler.conclude(uid, request, outcome)).ok();
         });
         let stopped = || Err("the node has stopped".to_owned());
-        if request == Request::Reset {
+        if request.may_boot() {
             return concluded.await.unwrap_or_else(|_| stopped());
         }
         match timeout(ANSWER_TIMEOUT, concluded).await {
@@ -304,6 +305,7 @@ mod tests {
             for (ask, request) in [
                 (ConsoleCommand::Arm, Request::Arm),
                 (ConsoleCommand::Reset, Request::Reset),
+                (ConsoleCommand::Zero(None), Request::Zero(None)),
                 (ConsoleCommand::Rate, Request::Command(CommandMode::Rate)),
                 (ConsoleCommand::Pose, Request::Command(CommandMode::Pose)),
             ] {
@@ -451,19 +453,21 @@ mod tests {
     }
 
     #[test]
-    fn reset_with_a_boot_may_take_longer_than_a_second() {
-        run(|handler, mut receiver, _| async move {
-            let boot = async {
-                sleep(Duration::from_millis(1)).await;
-                let accepted = receiver.next(NOW).unwrap();
-                receiver.begin_boot();
-                sleep(Duration::from_secs(30)).await;
-                receiver.end_boot(NOW);
-                accepted.answer(Ok(Mode::Ready));
-            };
-            let (answer, ()) = tokio::join!(handler.answer(ConsoleCommand::Reset, None), boot);
-            assert_eq!((answer.ok, answer.mode), (true, Some("ready")));
-        });
+    fn request_with_a_boot_or_homing_may_take_longer_than_a_second() {
+        for ask in [ConsoleCommand::Reset, ConsoleCommand::Zero(None)] {
+            run(|handler, mut receiver, _| async move {
+                let boot = async {
+                    sleep(Duration::from_millis(1)).await;
+                    let accepted = receiver.next(NOW).unwrap();
+                    receiver.begin_boot();
+                    sleep(Duration::from_secs(30)).await;
+                    receiver.end_boot(NOW);
+                    accepted.answer(Ok(Mode::Ready));
+                };
+                let (answer, ()) = tokio::join!(handler.answer(ask, None), boot);
+                assert_eq!((answer.ok, answer.mode), (true, Some("ready")));
+            });
+        }
     }
 
     #[test]

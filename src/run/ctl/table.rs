@@ -2,6 +2,8 @@
 
 use serde_json::{Map, Value};
 
+use units::wording::{listed, without_minus_zero};
+
 /// Units of members that have no unit in their name. Torques of a prismatic joint are in N.
 const UNITS: [(&str, &str); 4] = [
     ("f_g_task", "N, N·m"),
@@ -9,6 +11,9 @@ const UNITS: [(&str, &str); 4] = [
     ("budget", "N·m; N of a prismatic joint"),
     ("joints", "position, torque, target torque of rated"),
 ];
+
+/// Least width of a number in a list.
+const NUMBER: usize = 8;
 
 /// Members that are omitted, because the rows of the joints contain them with names and units.
 const IN_JOINTS: [&str; 3] = ["q", "tau", "targets"];
@@ -21,10 +26,33 @@ pub(super) fn table(status: &Value) -> String {
     if let Some(members) = status.as_object_mut().filter(|_| !joints.is_empty()) {
         IN_JOINTS.iter().for_each(|name| drop(members.remove(*name)));
     }
+    name_joints(&mut status, &joints);
     rows(&status, 0, &joints).join("\n")
 }
 
+/// Replaces the lists of numbers of joints by text with their names.
+fn name_joints(status: &mut Value, joints: &[Value]) {
+    let name = |number: &Value| {
+        let joint = joints.iter().find(|joint| joint.get("joint") == Some(number));
+        joint.and_then(|joint| joint.get("name")).map_or_else(|| plain(number), plain)
+    };
+    let unknown = |it: &Value| {
+        let part = |name| it.get(name).unwrap_or(&Value::Null);
+        format!("{}: {}", name(part("joint")), plain(part("why")))
+    };
+    let mut replace = |member: &str, text: &dyn Fn(&Value) -> String| {
+        let Some(value) = status.get_mut(member) else { return };
+        let texts = value.as_array().map(|list| list.iter().map(text).collect::<Vec<_>>());
+        let text = texts.filter(|texts| !texts.is_empty()).map(|texts| listed(&texts));
+        *value = text.map_or(Value::Null, Value::from);
+    };
+    replace("not_off", &name);
+    replace("zero_unknown", &unknown);
+}
+
 fn rows(object: &Value, indent: usize, joints: &[Value]) -> Vec<String> {
+    let names: Vec<_> = joints.iter().filter_map(|joint| joint.get("name")?.as_str()).collect();
+    let column = names.iter().map(|name| name.chars().count()).fold(NUMBER, usize::max);
     let members = object.as_object().into_iter().flatten();
     let members = members.filter(|(_, value)| !value.is_null());
     let of_member = |(name, value): (&String, &Value)| {
@@ -32,7 +60,10 @@ fn rows(object: &Value, indent: usize, joints: &[Value]) -> Vec<String> {
         let name = format!("{:indent$}{name}", "");
         let headed = || unit.map_or_else(|| name.clone(), |unit| format!("{name}, {unit}"));
         let items = value.as_array().filter(|list| list.iter().any(Value::is_object));
-        if let Some(list) = items {
+        let steps = value.as_array().filter(|_| name.trim_start() == "way_out");
+        if let Some(steps) = steps {
+            steps.iter().enumerate().map(|(place, step)| step_row(&name, place, step)).collect()
+        } else if let Some(list) = items {
             [vec![headed()], list.iter().map(joint_row).collect()].concat()
         } else if let Some(members) = value.as_object().filter(|of| is_percentiles(of)) {
             let value = |(name, value)| format!("{name} {}", plain(value));
@@ -41,17 +72,24 @@ fn rows(object: &Value, indent: usize, joints: &[Value]) -> Vec<String> {
         } else if let Some(members) = value.as_object() {
             // Each list contains all joints.
             let has_lists = members.values().any(Value::is_array);
-            let joints_shown = if has_lists { joints } else { &[] };
-            let names = joints_shown.iter().filter_map(|joint| joint.get("name")?.as_str());
-            let names: String = names.map(|name| format!("{name:>8.8} ")).collect();
-            let columns = (!names.is_empty()).then(|| row("", &names));
+            let names: String = names.iter().map(|name| format!("{name:>column$} ")).collect();
+            let columns = (has_lists && !names.is_empty()).then(|| row("", &names));
             let columns = columns.into_iter().collect();
             [vec![headed()], columns, rows(value, indent + 2, joints)].concat()
+        } else if let Some(list) = value.as_array() {
+            let numbers: String =
+                list.iter().map(|it| format!("{:>column$} ", plain(it))).collect();
+            vec![row(&headed(), &numbers)]
         } else {
             vec![row(&headed(), &plain(value))]
         }
     };
     members.flat_map(of_member).collect()
+}
+
+/// Formats a step that leads on; the first has the name of the member.
+fn step_row(name: &str, place: usize, step: &Value) -> String {
+    row(if place == 0 { name } else { "" }, &format!("{}. {}", place + 1, plain(step)))
 }
 
 /// Returns whether these are percentiles of one time, which fit into a row.
@@ -81,12 +119,9 @@ fn plain(value: &Value) -> String {
         return text.to_owned();
     }
     if let Some(number) = value.as_f64().filter(|_| value.is_f64()) {
-        return format!("{number:.3}");
+        return without_minus_zero(format!("{number:.3}"));
     }
-    match value.as_array() {
-        Some(list) => list.iter().map(|item| format!("{:>8} ", plain(item))).collect(),
-        None => value.to_string(),
-    }
+    value.to_string()
 }
 
 #[cfg(test)]
@@ -133,5 +168,30 @@ mod tests {
         }
         assert!(!table.lines().any(|line| line.starts_with("q ")), "{table}");
         assert_eq!(table.matches("azimuth").count(), 2, "{table}");
+    }
+
+    #[test]
+    fn stop_has_names_and_the_way_out() {
+        let names = ["elevation of the arm", "elbow"];
+        let joints = (1..)
+            .zip(names)
+            .map(|(joint, name)| serde_json::json!({ "joint": joint, "name": name }));
+        let status = serde_json::json!({
+            "mode": "drives-off", "not_off": [1, 2], "way_out": ["Remove the cause.", "Reset."],
+            "joints": joints.collect::<Vec<_>>(),
+            "zero_unknown": [{ "joint": 2, "why": "the drive has rebooted" }],
+            "budget": { "gravity": [-0.0001, 1.5] },
+        });
+        let table = table(&status);
+        for line in [
+            "not_off          elevation of the arm and elbow",
+            "way_out          1. Remove the cause.",
+            "                 2. Reset.",
+            "zero_unknown     elbow: the drive has rebooted",
+            "                 elevation of the arm                elbow ",
+            "  gravity                       0.000                1.500 ",
+        ] {
+            assert!(table.lines().any(|one| one == line), "{line:?} in\n{table}");
+        }
     }
 }

@@ -12,6 +12,7 @@ use crate::sources::DESCRIPTION;
 use config::files;
 use telemetry::origin::Origin;
 use telemetry::parts::{Parts, Stream};
+use telemetry::recording_lock::RecordingLock;
 
 /// Number of bytes at the end of a log that are searched for its last line.
 const TAIL: u64 = 4_096;
@@ -36,6 +37,8 @@ pub(super) struct Session {
     packed: usize,
     /// Mode in which the run ended, with its cause; `None` without a summary.
     ended: Option<String>,
+    /// Set while a process records the session; `None` without a summary, if the file cannot be locked.
+    is_recording: Option<bool>,
     /// Reason of an end of the recording before the end of the run.
     ended_early: Option<String>,
     /// Names of missing files.
@@ -61,9 +64,13 @@ impl Session {
             let interrupted = if is_interrupted == Some(true) { " (interrupted)" } else { "" };
             Some(format!("{mode}{cause}{interrupted}"))
         });
+        let is_recording = match &summary {
+            Some(_) => Some(false),
+            None => RecordingLock::is_held(&folder.join(DESCRIPTION)),
+        };
         let files = parts.files();
         Ok(Self {
-            name: folder.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            name: name(folder),
             kind: text(&description, "/kind").unwrap_or_default(),
             begun: Origin::from_micros(origin),
             seconds: stated_seconds.or_else(|| seconds(folder, &parts, origin)),
@@ -72,6 +79,7 @@ impl Session {
             files: files.len(),
             packed: files.iter().filter(|part| part.is_packed).count(),
             ended,
+            is_recording,
             ended_early: summary.as_ref().and_then(|it| text(it, "/recording/ended_early")),
             missing: parts.missing(),
         })
@@ -79,8 +87,12 @@ impl Session {
 
     /// Returns the end of the session in words.
     fn end(&self) -> String {
-        let ended = self.ended.as_deref();
-        let mut end = ended.unwrap_or("no summary: it is still recorded, or was killed").to_owned();
+        let mut end = match (&self.ended, self.is_recording) {
+            (Some(ended), _) => ended.clone(),
+            (None, Some(true)) => "still recording".to_owned(),
+            (None, Some(false)) => "no summary: killed while recording".to_owned(),
+            (None, None) => "no summary: still recording, or killed".to_owned(),
+        };
         if let Some(reason) = &self.ended_early {
             end += &format!("; recording ended early: {reason}");
         }
@@ -91,9 +103,57 @@ impl Session {
     }
 }
 
+/// Folder whose session cannot be read.
+#[derive(Debug, Serialize)]
+pub(super) struct Unreadable {
+    /// Name of the folder.
+    name: String,
+    /// File and reason.
+    unreadable: String,
+}
+
+/// Row of the list.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+pub(super) enum Row {
+    /// Session with its figures.
+    Session(Session),
+    /// Folder without them.
+    Unreadable(Unreadable),
+}
+
+impl Row {
+    /// Reads the session of a folder.
+    pub(super) fn read(folder: &Path) -> Self {
+        match Session::read(folder) {
+            Ok(session) => Self::Session(session),
+            Err(error) => {
+                Self::Unreadable(Unreadable { name: name(folder), unreadable: error.to_string() })
+            }
+        }
+    }
+
+    /// Returns whether the session cannot be read.
+    pub(super) const fn is_unreadable(&self) -> bool {
+        matches!(self, Self::Unreadable(_))
+    }
+
+    fn name(&self) -> &str {
+        match self {
+            Self::Session(session) => &session.name,
+            Self::Unreadable(folder) => &folder.name,
+        }
+    }
+}
+
+/// Returns the name of a folder.
+fn name(folder: &Path) -> String {
+    folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
 /// Returns the table of sessions, with a head.
-pub(super) fn table(sessions: &[Session]) -> Vec<String> {
-    let width = sessions.iter().map(|session| session.name.len()).max().unwrap_or(0).max(7);
+pub(super) fn table(sessions: &[Row]) -> Vec<String> {
+    let width = sessions.iter().map(|session| session.name().len()).max().unwrap_or(0).max(7);
     let row = |name: &str, cells: [&str; 5], end: &str| {
         let [begun, seconds, size, parts, packed] = cells;
         format!(
@@ -102,6 +162,12 @@ pub(super) fn table(sessions: &[Session]) -> Vec<String> {
     };
     let head = row("session", ["begun (UTC)", "duration", "size", "parts", "packed"], "ended");
     let rows = sessions.iter().map(|session| {
+        let session = match session {
+            Row::Session(session) => session,
+            Row::Unreadable(Unreadable { name, unreadable }) => {
+                return row(name, ["?"; 5], &format!("unreadable: {unreadable}"));
+            }
+        };
         let begun = session.begun.to_string();
         let begun = match session.begun == Origin::default() {
             true => session.kind.as_str(),
@@ -148,25 +214,28 @@ mod tests {
         write("bus.log", "(1795331563.123463) can0 080#\n");
         write("inputs.bin", "frhcin");
         write("bus-002.log", "(1795331564.000000) can0 080#\n(1795331573.623456) can0 080#\n");
-        let killed = Session::read(&folder).unwrap();
-        let row = table(&[killed]).pop().unwrap();
+        let last_row = || table(&[Row::read(&folder)]).pop().unwrap();
+        let row = last_row();
         for cell in [
             "2026-11-22T07:12:43 ",
             " 10.5 s ",
             " 2 ",
             " no ",
-            "no summary",
+            "no summary: killed while recording",
             "missing: inputs-002.bin",
         ] {
             assert!(row.contains(cell), "{cell:?} in {row}");
         }
+        let lock = RecordingLock::take(&folder.join("session.json"));
+        assert!(lock.is_some() && last_row().contains("  still recording; missing: "));
+        drop(lock);
         fs::rename(folder.join("bus.log"), folder.join("bus.log.gz")).unwrap();
         write(
             "summary.json",
             "{\"seconds\": 7.25, \"final_mode\": \"zero-torque\", \"stopped_by\": \"joint 3\", \
              \"recording\": {\"parts\": 3, \"ended_early\": \"its limit\"}}",
         );
-        let row = table(&[Session::read(&folder).unwrap()]).pop().unwrap();
+        let row = last_row();
         for cell in [
             " 7.2 s ",
             " 3 ",
@@ -176,6 +245,9 @@ mod tests {
         ] {
             assert!(row.contains(cell), "{cell:?} in {row}");
         }
+        write("session.json", "{");
+        let row = last_row();
+        assert!(row.contains("  unreadable: session.json: EOF while parsing"), "{row}");
         fs::remove_dir_all(&folder).unwrap();
     }
 }

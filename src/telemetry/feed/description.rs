@@ -3,14 +3,24 @@
 use nalgebra::Vector3;
 use serde::Serialize;
 
+use super::head::Head;
 use super::pose::Pose;
-use super::{Head, Source};
 use crate::origin::Origin;
 use crate::status::JointLabel;
 use config::robots::{RobotArm, RobotJoint};
 use config::{Config, FarSide, JointParameters};
 use remote::scene::HALF_CUBE;
 use remote::site::Virtual;
+
+/// Program that the node runs in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Source {
+    /// `frhc run`.
+    Run,
+    /// `frhc demo`.
+    Demo,
+}
 
 /// First line sent to each reader.
 #[derive(Debug, Serialize)]

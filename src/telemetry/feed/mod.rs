@@ -10,10 +10,14 @@
 
 mod bus_meter;
 mod description;
+mod head;
 mod pose;
 mod snapshot;
 mod spans;
 mod watchdogs;
+
+pub use self::description::Source;
+pub use self::snapshot::Scarce;
 
 use std::time::Duration;
 
@@ -21,41 +25,25 @@ use serde::Serialize;
 
 use self::bus_meter::BusMeter;
 use self::description::Description;
+use self::head::Head;
 use self::snapshot::{Beside, Snapshot};
 use self::spans::Spans;
 use self::watchdogs::Watchdogs;
-use crate::link_report::LinkReport;
-use crate::losses::Losses;
 use crate::origin::Origin;
-use crate::recording::RecordingReport;
 use crate::status::JointLabel;
-use crate::timing::TimingReport;
-use crate::way_out;
+use crate::way_out::Situation;
 use canopen::frame::Telegram;
 use config::Config;
 use node::cause::Cause;
 use node::record::{Mode, Record};
-use units::numbering::Joint;
+use node::zero::ZeroState;
 use units::time::Instant;
-
-/// Version of the lines.
-const VERSION: u64 = 1;
 
 /// Nominal interval between two snapshots.
 const SNAPSHOT_EVERY: Duration = Duration::from_millis(20);
 
 /// Interval between two lines about the mode, and between two readings of slow values.
 const MODE_EVERY: Duration = Duration::from_millis(500);
-
-/// Program that the node runs in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Source {
-    /// `frhc run`.
-    Run,
-    /// `frhc demo`.
-    Demo,
-}
 
 /// Line of telemetry, with its line break.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,34 +52,6 @@ pub enum FeedLine {
     Mode(String),
     /// Snapshot of a cycle.
     Snapshot(String),
-}
-
-/// Values that change slowly, or are expensive to compute; sampled every half second.
-#[derive(Clone, Debug, Default)]
-pub struct Scarce {
-    /// Position samples not received in time so far, over all joints.
-    pub missing_samples: u64,
-    /// Lost entries.
-    pub lost: Losses,
-    /// Parts of the session.
-    pub recording: Option<RecordingReport>,
-    /// Timing of the cycles so far.
-    pub timing: Option<TimingReport>,
-    /// Link to a robot in another process.
-    pub link: Option<LinkReport>,
-}
-
-/// Head of each line.
-#[derive(Clone, Copy, Debug, Serialize)]
-struct Head {
-    version: u64,
-    kind: &'static str,
-}
-
-impl Head {
-    const fn new(kind: &'static str) -> Self {
-        Self { version: VERSION, kind }
-    }
 }
 
 /// Mode, cause, and steps that lead on.
@@ -107,12 +67,13 @@ struct ModeLine<'a> {
     way_out: Vec<String>,
 }
 
-/// Mode and its causes. A change triggers a line.
+/// Mode with its causes, and the zeros. A change triggers a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct State {
     mode: Mode,
     cause: Option<Cause>,
     not_off: [bool; 6],
+    zeros: [ZeroState; 6],
 }
 
 /// Generator of lines from records and frames.
@@ -151,7 +112,12 @@ impl Feed {
             has_switch_box: config.switches.is_some(),
             cycles_per_snapshot,
             is_read: false,
-            state: State { mode: Mode::Boot, cause: None, not_off: [false; 6] },
+            state: State {
+                mode: Mode::Boot,
+                cause: None,
+                not_off: [false; 6],
+                zeros: [ZeroState::Known; 6],
+            },
             cycle: 0,
             active_at: Instant::ZERO,
             sampled_at: None,
@@ -169,25 +135,18 @@ impl Feed {
 
     /// Returns the line about the current mode, with its line break.
     pub fn mode(&self) -> String {
-        let State { mode, cause, not_off } = &self.state;
+        let State { mode, cause, not_off, zeros } = &self.state;
         let names: Vec<_> = self.joints.iter().map(|joint| joint.name.as_str()).collect();
-        let not_off = Joint::each(not_off).filter(|(_, is_set)| **is_set);
-        let not_off: Vec<_> =
-            not_off.filter_map(|(joint, _)| names.get(joint.index()).copied()).collect();
-        let way_out = if mode.is_latched() {
-            let joint = cause.and_then(|cause| names.get(cause.joint()?.index()).copied());
-            way_out::of_stop(cause.map(|cause| cause.kind()), joint, &not_off)
-        } else {
-            way_out::onwards(*mode, self.has_switch_box)
-        };
+        let (mode, cause, has_switch_box) = (*mode, *cause, self.has_switch_box);
+        let situation = Situation { mode, cause, not_off, zeros, has_switch_box };
         line(&ModeLine {
             head: Head::new("mode"),
             cycle: self.cycle,
             at_us: self.active_at.as_micros(),
             mode: mode.name(),
             stopped_by: cause.map(|cause| cause.with_name(&names)),
-            not_off,
-            way_out,
+            not_off: situation.not_off(&names),
+            way_out: situation.steps(&names),
         })
     }
 
@@ -222,9 +181,9 @@ impl Feed {
         record: &Record,
         scarce: impl FnOnce() -> Scarce,
     ) -> [Option<FeedLine>; 2] {
-        let Record { at, mode, cause, not_off, .. } = *record;
+        let Record { at, mode, cause, not_off, zeros, .. } = *record;
         (self.cycle, self.active_at) = (record.cycle, at);
-        let state = State { mode, cause, not_off };
+        let state = State { mode, cause, not_off, zeros };
         let has_changed = std::mem::replace(&mut self.state, state) != state;
         if !self.is_read {
             // For the next reader.

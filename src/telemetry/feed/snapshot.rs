@@ -3,12 +3,16 @@
 use serde::Serialize;
 
 use super::bus_meter::BusLoad;
+use super::head::Head;
 use super::pose::Pose;
 use super::spans::Spans;
 use super::watchdogs::Watchdog;
-use super::{Head, Scarce};
 use crate::fidelity::command::AtGrip;
+use crate::link_report::LinkReport;
+use crate::losses::Losses;
+use crate::recording::RecordingReport;
 use crate::status::{JointLabel, Status};
+use crate::timing::TimingReport;
 use node::record::Record;
 use remote::RobotJoints;
 use units::spatial::{Motion, Wrench};
@@ -46,6 +50,21 @@ enum Command {
     Hold,
     Rate { v_m: [f64; 6] },
     Pose { x_b_d: Pose },
+}
+
+/// Values that change slowly, or are expensive to compute; sampled every half second.
+#[derive(Clone, Debug, Default)]
+pub struct Scarce {
+    /// Position samples not received in time so far, over all joints.
+    pub missing_samples: u64,
+    /// Lost entries.
+    pub lost: Losses,
+    /// Parts of the session.
+    pub recording: Option<RecordingReport>,
+    /// Timing of the cycles so far.
+    pub timing: Option<TimingReport>,
+    /// Link to a robot in another process.
+    pub link: Option<LinkReport>,
 }
 
 /// Values of a snapshot besides its record.

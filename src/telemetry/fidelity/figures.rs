@@ -83,27 +83,22 @@ impl Figures {
     }
 }
 
-/// One line for people.
+/// Columns for people, behind a heading of 17 characters: a row for each situation, or that there was none.
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut parts = Vec::new();
-        if let Some(still) = &self.still_contact {
-            parts.push(format!(
-                "{:.2} N off (rms; {:.2} N at most) while still in contact at {:.1} N, \
-                 {:.2} N without assist and inertia",
-                still.error_rms_n, still.error_max_n, still.wanted_rms_n, still.beyond_assist_rms_n
-            ));
+        let still = self.still_contact.as_ref().map(|still| ("still contact", still));
+        let free = self.free_motion.as_ref().map(|free| ("free motion", free));
+        if still.is_none() && free.is_none() {
+            return f.write_str("no still contact and no free motion");
         }
-        if let Some(free) = &self.free_motion {
-            parts.push(format!(
-                "{:.1} N of drag in free motion, {:.1} N without assist and inertia",
-                free.felt_rms_n, free.beyond_assist_rms_n
-            ));
+        f.write_str("N off (rms)   at most   without assist and inertia   wanted")?;
+        for (name, figures) in still.into_iter().chain(free) {
+            let Figures { error_rms_n, error_max_n, beyond_assist_rms_n, wanted_rms_n, .. } =
+                figures;
+            write!(f, "\n  {name:15} {error_rms_n:11.2} {error_max_n:9.2}")?;
+            write!(f, " {beyond_assist_rms_n:28.2} {wanted_rms_n:8.2}")?;
         }
-        match parts.is_empty() {
-            true => f.write_str("no still contact and no free motion"),
-            false => f.write_str(&parts.join("; ")),
-        }
+        Ok(())
     }
 }
 

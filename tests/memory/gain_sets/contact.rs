@@ -5,10 +5,10 @@ use std::fmt;
 use nalgebra::{Unit, Vector3};
 
 use crate::common::prelude::*;
-use experiments::comparison::without_passivity;
 use node::cause::CauseKind;
 use remote::site::Virtual;
 use telemetry::contact::Contact;
+use testbench::comparison::without_passivity;
 
 /// Time of the contact that is judged, in s, and its last part, in which a swing would be large.
 const SECONDS: f64 = 20.0;

@@ -1,6 +1,6 @@
 //! Gains that `check` accepts or refuses, against 20 s of simulated contact at the posture it finds the worst.
 //!
-//! All 300 sets, with a table: `cargo test --profile quick --test memory -- --ignored --nocapture gain_sets`.
+//! All 300 sets, with a table: `cargo test --test memory -- --ignored --nocapture gain_sets`.
 
 mod contact;
 mod set;

@@ -89,8 +89,8 @@ fn starting(text: &str, joint: &str, start: f64) -> String {
             is_joint = line.contains(&format!("\"{joint}\""));
         }
         match line.split(' ').next() {
-            Some("start_deg") if is_joint => format!("start_deg = {:?}", start.to_degrees()),
-            Some("start_m") if is_joint => format!("start_m = {start:?}"),
+            Some("rest_deg") if is_joint => format!("rest_deg = {:?}", start.to_degrees()),
+            Some("rest_m") if is_joint => format!("rest_m = {start:?}"),
             _ => line.to_owned(),
         }
     });

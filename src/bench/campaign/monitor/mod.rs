@@ -33,6 +33,7 @@ pub use invariant::{Invariant, Violation};
 pub(super) use order::is_off;
 pub use rhythm::Exemption;
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -46,6 +47,7 @@ use crate::monitor::sheet::{Command, Sheet};
 use crate::monitor::torque::Torque;
 use bus::Tap;
 use canopen::frame::{Channel, Telegram};
+use canopen::master::event::Event;
 use canopen::sync;
 use config::Config;
 use units::numbering::Joint;
@@ -72,7 +74,15 @@ pub struct Monitor {
     age: Age,
     grip: Grip,
     violations: Violations,
-    log: Option<Vec<(Instant, Telegram)>>,
+    log: Option<Log>,
+}
+
+/// Frames and events of the node since the boot.
+#[derive(Clone, Debug, Default)]
+struct Log {
+    frames: Vec<(Instant, Telegram)>,
+    /// Events that were not taken yet, with the times at which the node reported them.
+    events: VecDeque<(Instant, Event)>,
 }
 
 impl Monitor {
@@ -91,15 +101,20 @@ impl Monitor {
         }
     }
 
-    /// Returns the monitor with a log of every frame.
+    /// Returns the monitor with a log of every frame and event.
     #[must_use]
-    pub fn keeping_frames(self) -> Self {
-        Self { log: Some(Vec::new()), ..self }
+    pub fn with_log(self) -> Self {
+        Self { log: Some(Log::default()), ..self }
     }
 
     /// Returns the log of frames; empty without one.
     pub fn frames(&self) -> &[(Instant, Telegram)] {
-        self.log.as_deref().unwrap_or_default()
+        self.log.as_ref().map(|log| &*log.frames).unwrap_or_default()
+    }
+
+    /// Takes the oldest event of the log, and its time.
+    pub fn next_event(&mut self) -> Option<(Instant, Event)> {
+        self.log.as_mut()?.events.pop_front()
     }
 
     /// Takes an answer of the console.
@@ -187,7 +202,7 @@ impl Monitor {
     }
 
     fn keep(&mut self, at: Instant, telegram: &Telegram) {
-        self.log.iter_mut().for_each(|log| log.push((at, *telegram)));
+        self.log.iter_mut().for_each(|log| log.frames.push((at, *telegram)));
     }
 }
 
@@ -203,6 +218,13 @@ impl Tap for Monitor {
             self.order.on_tpdo(at, &sample, is_received);
             self.grip.on_tpdo(&sample);
         }
+    }
+
+    /// Takes an event into the log; without one the node keeps it.
+    fn on_event(&mut self, at: Instant, event: Event) -> Option<Event> {
+        let Some(log) = &mut self.log else { return Some(event) };
+        log.events.push_back((at, event));
+        None
     }
 
     fn on_taken(&mut self, at: Instant, telegram: &Telegram) {

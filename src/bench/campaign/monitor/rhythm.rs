@@ -21,7 +21,7 @@ pub(super) struct Rhythm {
     exemptions: Vec<Exemption>,
 }
 
-/// Exemption from I5: targets may be missing or late.
+/// Exemption from I5, targets may be missing or late, and of a process from I7.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exemption {
     /// Bus, from this time on: the node does not determine the times of its frames.
@@ -45,7 +45,8 @@ impl Rhythm {
     }
 
     /// Takes a frame that a bus has accepted. I7: a heartbeat follows the SYNC of its cycle while `is_driven`. For the
-    /// proof test, and after its last cycle, the node sends heartbeats without SYNCs.
+    /// proof test, and after its last cycle, the node sends heartbeats without SYNCs. A process that has stood still omits
+    /// the SYNC of a slot that is over.
     pub(super) fn on_taken(
         &mut self,
         moment: &mut Moment<'_>,
@@ -53,12 +54,14 @@ impl Rhythm {
         is_driven: bool,
     ) {
         let (sheet, at) = (moment.sheet, moment.at);
+        let is_exempt = self.is_process_exempt(at);
         let Some(bus) = self.buses.get_mut(usize::from(channel.0)) else { return };
         if frame.cob_id == sync::COB_ID {
             let burst = bus.on_accepted(sheet.period, at);
             burst.into_iter().for_each(|burst| report(moment, burst, "handed over"));
         } else if frame.cob_id == sheet.heartbeat
             && is_driven
+            && !is_exempt
             && bus
                 .latest_accepted()
                 .is_none_or(|given| at.since(given) > sheet.period * MAX_HEARTBEAT_PERIODS)

@@ -416,6 +416,19 @@ fn i7_heartbeat_after_pre_operational_needs_no_cycle() {
 }
 
 #[test]
+fn i7_heartbeat_of_a_process_that_has_stood_still_needs_no_sync() {
+    let mut bench = Bench::running();
+    let now = Instant::from_micros(bench.now);
+    bench.monitor.exempt(Exemption::Process(now, now + Duration::from_millis(13)));
+    bench.now += 12_000;
+    bench.sent(0x77F, &[5]);
+    assert_eq!(bench.violated(), []);
+    bench.now += 12_000;
+    bench.sent(0x77F, &[5]);
+    assert_eq!(bench.violated(), [Invariant::Heartbeat]);
+}
+
+#[test]
 fn i8_download_to_an_enabled_drive_is_reported_upload_is_not() {
     let mut bench = Bench::running();
     bench.received(0x183, &[0x37, 0x02, 0, 0, 0, 0, 0, 0]);

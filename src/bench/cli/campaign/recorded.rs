@@ -3,14 +3,14 @@
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
-use crate::session_inputs::SessionInputs;
 use campaign::case::Case;
 use campaign::monitor::Monitor;
-use campaign::run::{Campaign, Part, Replay};
+use campaign::run::{Campaign, Replay};
 use canopen::frame::Telegram;
 use config::Config;
 use config::files::Files;
 use config::trust::Trust;
+use demo::session_inputs::SessionInputs;
 use node::record::Record;
 use run::exit::{Failure, Kind, OrFail};
 use run::limits::Limits;
@@ -34,37 +34,31 @@ pub(super) fn folder(parent: &Path, number: u32) -> PathBuf {
 }
 
 /// Plays the only case of `cases` from its own boot, and records its session in a folder of `parent`. `on_cycle` is called
-/// after every cycle of the case.
+/// after every cycle since the boot.
 pub(super) fn play(
     parent: &Path,
     (seed, force): (u64, Force),
     cases: &Campaign,
     on_cycle: &mut dyn FnMut(&mut CaseBench<'_, '_>, &Record),
 ) -> Result<Option<Replay>, Failure> {
-    let of_case = cases.cases().first();
-    let Some((case, config)) =
-        of_case.and_then(|case| Some((case, cases.configs().get(case.config)?)))
-    else {
-        return Ok(None);
-    };
+    let Some(case) = cases.cases().first() else { return Ok(None) };
+    let config = cases.config(case).or_fail(Kind::Configuration)?;
     let folder = folder(parent, case.number);
     session::make_room(&folder, force)?;
     let interfaces: Vec<_> = config.buses.iter().map(|bus| bus.interface.clone()).collect();
-    let provenance = Provenance::new(config, &interfaces, Origin::default());
-    let sources = sources(seed, case, config)?;
+    let provenance = Provenance::new(&config, &interfaces, Origin::default());
+    let sources = sources(seed, case, &config)?;
     let recorder = RunRecorder::with_session(&folder, &provenance, &sources, Limits::NONE);
     let mut recorder = recorder.or_fail(Kind::File)?;
     let (mut summary, mut taken) = (Summary::default(), 0);
     let recorded = RefCell::new(&mut recorder);
-    let played = cases.replay(SessionInputs(&recorded), &mut |bench, record, part| {
+    let played = cases.replay(SessionInputs(&recorded), &mut |bench, record, _| {
         let frames = bench.tap_mut().frames();
         on_frames(&mut recorded.borrow_mut(), frames.get(taken..).unwrap_or_default());
         taken = frames.len();
         recorded.borrow_mut().on_cycle(record);
         summary.add(record);
-        if part == Part::Case {
-            on_cycle(bench, record);
-        }
+        on_cycle(bench, record);
     });
     let played = played.or_fail(Kind::Drive)?;
     let frames = played.as_ref().map(|(_, frames)| &**frames).unwrap_or_default();
@@ -80,7 +74,10 @@ fn on_frames(recorder: &mut RunRecorder, frames: &[(Instant, Telegram)]) {
 
 /// Returns the files of a case: those of its hand controller, and its scenario.
 fn sources(seed: u64, case: &Case, config: &Config) -> Result<Sources, Failure> {
-    let files = Files::on_disk(Trust::Any);
+    let files = match case.injection.zeros {
+        None => Files::on_disk(Trust::Any),
+        Some(zeros) => zeros.files(config).or_fail(Kind::Configuration)?,
+    };
     Config::load_from(&files, &config.file).or_fail(Kind::Configuration)?;
     let mut copies = files.copies();
     let scenario = PathBuf::from(format!("case-{}.toml", case.number));

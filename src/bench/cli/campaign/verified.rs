@@ -1,16 +1,11 @@
 //! `frhc campaign --verify-replay`: every case replayed from the recorded inputs of its node.
 
 use std::fmt;
-use std::num::NonZero;
 
 use serde::Serialize;
 
-use campaign::run::Campaign as Cases;
-use campaign::verdict::Verdict;
 use campaign::verification::Verification;
-use progress::Progress;
-use run::exit::{Failure, Kind, OrFail};
-use run::print;
+use run::exit::{Failure, Kind};
 use units::wording::counted;
 
 /// Numbers of replayed cases, cycles and frames, and the differences.
@@ -32,37 +27,42 @@ struct Difference {
     replay: String,
 }
 
-impl ReplayReport {
-    /// Plays all cases from their own boots, and replays them. `verdicts` are those on clones of warm benches; `command`
-    /// returns the command that records the session of a case.
-    pub(super) fn replay_all(
-        cases: &Cases,
-        verdicts: &[Verdict],
-        threads: NonZero<usize>,
-        command: &dyn Fn(u32) -> String,
-        quiet: bool,
-    ) -> Result<Self, Failure> {
-        let total = u64::try_from(verdicts.len()).unwrap_or(u64::MAX);
-        let progress = Progress::start(total, "replays", quiet).or_fail(Kind::System)?;
-        let on_case = || progress.advance(1);
-        let verify = || cases.verify(verdicts, threads, &on_case);
-        let verified = progress.abandonable(print::error, verify);
-        let seconds = progress.elapsed().as_secs_f64();
-        progress.finish();
-        print::note(&format!("replayed in {seconds:.1} s"));
-        let verified = verified.or_fail(Kind::Drive)?;
-        let differing = |one: &Verification| {
-            let difference = one.difference.clone()?;
-            Some(Difference { case: one.case, difference, replay: command(one.case) })
-        };
-        Ok(Self {
-            case_count: verified.len(),
-            cycle_count: verified.iter().map(|one| one.cycles).sum(),
-            frame_count: verified.iter().map(|one| one.frames).sum(),
-            differences: verified.iter().filter_map(differing).collect(),
-        })
+/// Replays in progress: their numbers, and the cases that differ.
+#[derive(Debug, Default)]
+pub(super) struct Replays {
+    cases: usize,
+    cycles: u64,
+    frames: u64,
+    /// Case and difference.
+    differing: Vec<(u32, String)>,
+}
+
+impl Replays {
+    /// Adds the results of some cases.
+    pub(super) fn add(&mut self, verified: Vec<Verification>) {
+        for Verification { case, cycles, frames, difference } in verified {
+            self.cases += 1;
+            self.cycles += cycles;
+            self.frames += frames;
+            self.differing.extend(difference.map(|difference| (case, difference)));
+        }
     }
 
+    /// Returns the report; `command` returns the command that records the session of a case.
+    pub(super) fn report(self, command: &dyn Fn(u32) -> String) -> ReplayReport {
+        let Self { cases, cycles, frames, differing } = self;
+        let difference =
+            |(case, difference)| Difference { case, difference, replay: command(case) };
+        ReplayReport {
+            case_count: cases,
+            cycle_count: cycles,
+            frame_count: frames,
+            differences: differing.into_iter().map(difference).collect(),
+        }
+    }
+}
+
+impl ReplayReport {
     /// # Errors
     /// Returns an error if the replay of a case differs from the recording.
     pub(super) fn ensure_equal(&self) -> Result<(), Failure> {

@@ -1,10 +1,10 @@
-//! Input of `decode`: lines of a log or pipe, of any bytes and any length.
+//! Input of `decode`: lines of a log or pipe, of any bytes, and of at most 1 MiB.
 
 use std::io::{self, BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
 
 use config::files;
-use replay::{PartFile, Session};
+use replay::{BoundedLines, PartFile, Session};
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 
@@ -17,11 +17,11 @@ const MAX_LINE: usize = 1 << 12;
 /// Opens the file, or stdin for `None` and `-`; returns it with its name for messages.
 pub(super) fn open(path: Option<&Path>) -> Result<(Box<dyn Read>, String), Failure> {
     let Some(path) = path.filter(|path| path.as_os_str() != "-") else {
-        return Ok((Box::new(io::stdin().lock()), "stdin".to_owned()));
+        return Ok((Box::new(BoundedLines::new(io::stdin().lock())), "stdin".to_owned()));
     };
     let name = path.display().to_string();
     match files::open(path).and_then(PartFile::from_file) {
-        Ok(file) => Ok((Box::new(file), name)),
+        Ok(file) => Ok((Box::new(BoundedLines::new(file)), name)),
         Err(error) => {
             let is_piped = error.kind() == ErrorKind::InvalidInput;
             let remedy = if is_piped { "; send it to standard input" } else { "" };

@@ -57,20 +57,6 @@ pub(super) fn read(given: Option<&OsStr>, flags: Flags) -> Result<Input, Failure
     }
 }
 
-/// Reads JSON of another topic: `given` is JSON, a file name, or `-` for stdin.
-pub(super) fn read_as<T: DeserializeOwned>(given: &OsStr) -> Result<T, Failure> {
-    let (name, text) = match given.to_str().filter(|text| is_inline(text)) {
-        _ if given == "-" => ("stdin".to_owned(), stdin()?),
-        Some(text) => ("QUESTION".to_owned(), text.to_owned()),
-        None => {
-            let name = given.display().to_string();
-            let text = text(&name, files::open(given.as_ref()))?;
-            (name, text)
-        }
-    };
-    strict(&text).map_err(|reason| Failure::new(Kind::Usage, format!("{name}: {reason}")))
-}
-
 /// Returns whether this is JSON text. A file with such a name can be given as `./{…`.
 fn is_inline(text: &str) -> bool {
     text.trim_start().starts_with(['{', '['])

@@ -11,7 +11,7 @@ use crate::session_progress;
 use crate::span::Span;
 use crate::whole_file::WholeFile;
 use ::replay::Session;
-use mcap_export::{Choice, Content, ExportError, ExportSummary};
+use mcap_export::{Choice, Content, ExportError, ExportSummary, Extent, Pace};
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results::Force;
@@ -29,6 +29,9 @@ pub struct Mcap {
     /// Leave out the topics in JSON: rosbags refuses files that have them.
     #[arg(long)]
     ros_only: bool,
+    /// Write /tf, status and torques of every cycle, not 100 times a second: twice the size.
+    #[arg(long)]
+    full_rate: bool,
     /// File to write [default: stdout, unless it is a terminal].
     #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -58,8 +61,9 @@ pub(super) fn run(args: &Mcap, is_quiet: bool) -> Result<(), Failure> {
         }
     };
     let content = if args.ros_only { Content::RosTypes } else { Content::All };
+    let pace = if args.full_rate { Pace::Full } else { Pace::Reduced };
     let recording = Recording::new(&session, &config);
-    let exported = mcap_export::export(&recording, content, &mut file, choose);
+    let exported = mcap_export::export(&recording, Extent { content, pace }, &mut file, choose);
     progress.finish();
     if progress.is_interrupted() {
         return Err(Failure::new(Kind::Interrupted, "interrupted: no file was written"));

@@ -19,18 +19,6 @@ pub(crate) fn object(text: &str) -> Result<Object, String> {
     Ok(Object { index, sub: u8::try_from(sub).map_err(|_| wrong())? })
 }
 
-/// Parses a duration in s, above 0 and at most a day.
-pub(crate) fn seconds(text: &str) -> Result<f64, String> {
-    let seconds = text.parse::<f64>().ok().filter(|seconds| *seconds > 0.0 && *seconds <= 86_400.0);
-    seconds.ok_or_else(|| "must be a number above 0 and at most 86400".to_owned())
-}
-
-/// Parses a multiple of real time, 0.01 to 100.
-pub(crate) fn speed(text: &str) -> Result<f64, String> {
-    let speed = text.parse::<f64>().ok().filter(|speed| (0.01..=100.0).contains(speed));
-    speed.ok_or_else(|| "must be a number from 0.01 to 100".to_owned())
-}
-
 /// Parses an unsigned 32-bit number: `7`, `0x402`, `402h`.
 pub(crate) fn number(text: &str) -> Result<u32, String> {
     let number = whole(text).and_then(|number| u32::try_from(number).ok());
@@ -73,14 +61,6 @@ mod tests {
             "6041:-1",
         ] {
             assert!(object(text).is_err(), "{text}");
-        }
-    }
-
-    #[test]
-    fn seconds_are_above_zero_and_at_most_a_day() {
-        assert_eq!([seconds("0.5"), seconds("86400")], [Ok(0.5), Ok(86_400.0)]);
-        for text in ["-1", "0", "-0.0", "nan", "inf", "-inf", "1e300", "86400.1", "", "x"] {
-            assert!(seconds(text).is_err(), "{text}");
         }
     }
 

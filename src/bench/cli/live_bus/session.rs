@@ -225,7 +225,7 @@ mod tests {
             Ok(())
         }
 
-        fn wait(&mut self, _: Instant, until: Instant) -> Wake {
+        fn wait(&mut self, _: Instant, _: Instant, until: Instant) -> Wake {
             let now = self.now.max(until);
             self.now = now;
             let received = |error| ReceivedEvent {

@@ -25,7 +25,6 @@ use crate::robot::report::Report;
 use config::robots::RobotArm;
 use config::{Config, FarSide};
 use far_socket::FarSocket;
-use run::check::refuse_far_side;
 use run::exit::{Failure, Kind, OrFail};
 use run::{commanded_side, log_time, print};
 use testbench::far_robot::{FarRobot, RobotLimits, SensorRange};
@@ -62,18 +61,20 @@ pub(super) fn run(args: &Robot) -> Result<(), Failure> {
     ended.map_err(|_| Failure::new(Kind::Bus, "the robot's thread panicked"))
 }
 
-/// Returns the configuration, with the robot of the command line.
+/// Returns the configuration, with the robot of the command line. It may be that of the node.
 fn configuration(args: &Robot) -> Result<Config, Failure> {
     let file = &args.config.config;
     let config = Config::load(file).or_fail(Kind::Configuration)?;
-    refuse_far_side(&config, "robot")?;
     let config = match &args.robot {
         Some(robot) => config.with_robot(RobotArm::load(robot).or_fail(Kind::Configuration)?),
         None => config,
     };
     if config.robot.is_none() {
-        let reason = "remote.robot: absent; add the key, or give --robot FILE";
-        return Err(Failure::new(Kind::Configuration, format!("{}: {reason}", file.display())));
+        let is_of_a_node =
+            config.far_side.agreement.is_some() && config.far_side.model_limit.is_none();
+        let remedy = if is_of_a_node { "" } else { "add the key, or " };
+        let reason = format!("{}: remote.robot: absent; {remedy}give --robot FILE", file.display());
+        return Err(Failure::new(Kind::Configuration, reason));
     }
     Ok(config)
 }

@@ -12,12 +12,14 @@ use anyhow::Context;
 use tokio::sync::mpsc;
 
 use crate::args::Sim;
-use crate::event_narrator::EventNarrator;
 use crate::os_signals::{self, StatusSignals};
-use crate::{quirks, rig, scenario};
-use bus::{SocketCan, realtime};
+use crate::rig;
+use bus::SocketCan;
+use bus::realtime::{self, Settings};
 use canopen::frame::Channel;
 use config::Config;
+use demo::event_narrator::EventNarrator;
+use demo::{quirks, scenario};
 use faults::{Fault, Target};
 use run::exit::{Failure, Kind, OrFail};
 use run::{interfaces, log_time, print};
@@ -48,7 +50,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     let mut bus = bus.or_fail(Kind::Bus)?;
     log_time::set_clock(bus.clock());
     tracing::info!("time counts from {}", Origin::from_micros(bus.epoch_micros()));
-    let mut world = world::build(&config, scenario, args.seed);
+    let mut world = world::build(&config, scenario, args.seed).ahead_of_sync();
 
     tracing::info!(interfaces = names.join(" "), "simulated drives are on the bus");
     let print_report = |report: &Report| {
@@ -64,7 +66,10 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     let narrator = EventNarrator::new(&config);
     let ended = thread::scope(|threads| {
         let bus_thread = threads.spawn(|| {
-            realtime::ask();
+            let granted = realtime::ask_for(Settings { fifo: args.fifo, ..Settings::default() });
+            if !granted.is_fifo {
+                tracing::warn!("SCHED_FIFO refused: the drives keep the priority that they have");
+            }
             let (report_sender, fault_sender) = (report_sender, fault_sender);
             station::run(&mut bus, &mut world, &mut |world: &mut World| {
                 while let Some(notice) = world.next_notice() {

@@ -140,6 +140,11 @@ impl<const N: usize> Arm<N> {
         Ok(Self { links: padded, count: links.len(), x_6_g, gravity, rotors })
     }
 
+    /// Returns which joints are prismatic.
+    pub fn is_prismatic(&self) -> [bool; N] {
+        self.links.each_ref().map(|link| link.kind == JointKind::Prismatic)
+    }
+
     /// Returns the number of joints, without fixed links.
     pub const fn count(&self) -> usize {
         self.count

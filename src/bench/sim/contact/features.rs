@@ -31,7 +31,7 @@ impl Features {
     }
 
     /// Returns the number of points.
-    pub(super) const fn total(&self) -> u16 {
+    pub const fn total(&self) -> u16 {
         let Self { solid, face, cone, bore, peg_end, peg_chamfer, peg_side } = *self;
         solid + face + cone + bore + peg_end + peg_chamfer + peg_side
     }

@@ -13,7 +13,6 @@ mod features;
 mod insertion;
 mod patch;
 mod peg;
-pub mod peg_rig;
 mod plate;
 mod scene;
 mod solid;
@@ -190,7 +189,7 @@ impl Contact {
     }
 
     /// Returns the stiffness of one point on a circle against the plate, in N/m; zero without a plate.
-    pub(crate) fn point_stiffness(&self) -> f64 {
+    pub fn point_stiffness(&self) -> f64 {
         let stiffness = self.scene.plate.map_or(0.0, |plate| plate.surface.stiffness);
         stiffness / f64::from(patch::POINTS_ON_A_CIRCLE)
     }

@@ -6,7 +6,8 @@
 
 mod course;
 
-use crate::actuator::{ActuatorSettings, Encoder};
+use crate::actuator::ActuatorSettings;
+use crate::drive::encoder::PositionCounter;
 use crate::drive::limits::Limits;
 use crate::drive::monitor::{FaultCause, Monitor};
 use crate::drive::options::{Abort, Options};
@@ -27,7 +28,7 @@ use units::time::Instant;
 /// CiA 402 application of one drive.
 #[derive(Clone, Debug)]
 pub(super) struct Axis {
-    encoder: Encoder,
+    counter: PositionCounter,
     /// Rated torque of the motor, in N·m.
     rated_torque: f64,
     /// Encoder increments per motor revolution.
@@ -113,7 +114,10 @@ impl Application for Axis {
         if reset == Reset::Node {
             self.power = Power::default();
             self.error = 0;
-            self.motion = Motion::new(self.tuning, self.increments, dictionary);
+            self.counter.power_up();
+            self.read_counter();
+            self.motion = Motion::new(self.tuning, self.increments, dictionary)
+                .with_moving_homing(self.quirks.homing_moves);
             self.show_motor(dictionary);
             status::show_monitor(&self.monitor, dictionary);
         }
@@ -154,10 +158,14 @@ impl Application for Axis {
 }
 
 impl Axis {
-    /// Creates the axis of a motor and gear, at rest.
-    pub(super) fn new(actuator: &ActuatorSettings, tuning: Tuning) -> Self {
+    /// Creates the axis of a motor, gear and encoder, at rest.
+    pub(super) fn new(
+        actuator: &ActuatorSettings,
+        counter: PositionCounter,
+        tuning: Tuning,
+    ) -> Self {
         Self {
-            encoder: Encoder::new(actuator),
+            counter,
             rated_torque: actuator.rated_torque,
             increments: actuator.counts_per_rev,
             power: Power::default(),
@@ -170,7 +178,7 @@ impl Axis {
             limits: Limits::default(),
             monitor: Monitor::default(),
             servo: Servo::default(),
-            feedback: Feedback { position: actuator.zero_counts, ..Feedback::default() },
+            feedback: Feedback::default(),
             demand: TorqueDemand::default(),
             error: 0,
             has_unlisted_torque_mode: false,
@@ -236,11 +244,11 @@ impl Axis {
 
     /// Updates the motor and encoder values.
     pub(super) fn sense(&mut self, sensed: &MotorReading, dictionary: &mut Dictionary) {
-        self.feedback = Feedback {
-            position: self.encoder.counts(sensed.position),
-            velocity: f64::from(self.encoder.rate(sensed.velocity)),
-            per_mille: sensed.per_mille,
-        };
+        let is_initialising = self.power.state() == State::NotReadyToSwitchOn;
+        self.counter.sense(sensed.position, is_initialising);
+        self.read_counter();
+        self.feedback.velocity = self.counter.rate(sensed.velocity);
+        self.feedback.per_mille = sensed.per_mille;
         self.show_motor(dictionary);
         let is_too_fast = self.limits.is_too_fast(self.feedback.velocity);
         let temperature = sensed.temperature;
@@ -264,6 +272,10 @@ impl Axis {
 
     /// Enters the fault reaction of 605Eh with this error code.
     pub(super) fn fail(&mut self, code: u16, dictionary: &mut Dictionary) {
+        let [class, _] = code.to_be_bytes();
+        if class == SENSOR_ERROR {
+            self.motion.forget_homing();
+        }
         self.enter_fault(code, self.options.fault_ramp());
         self.follow_power(dictionary);
     }
@@ -307,10 +319,17 @@ impl Axis {
         self.on_controlword(dictionary);
     }
 
+    fn read_counter(&mut self) {
+        self.feedback.position = self.counter.counts();
+        self.feedback.index = self.counter.index();
+    }
+
     fn show_status(&self, dictionary: &mut Dictionary) {
         let state = self.power.statusword();
+        let referenced = self.quirks.referenced_bit.filter(|_| self.motion.is_homed());
+        let manufacturer = referenced.map_or(0, |bit| 1 << bit);
         let status = Status {
-            statusword: status::statusword(state, &self.monitor, &self.demand),
+            statusword: status::statusword(state, &self.monitor, &self.demand, manufacturer),
             mode: self.mode,
             torque_demand: self.demand.per_mille,
             error: self.error,
@@ -324,3 +343,6 @@ impl Axis {
         status::show_motor(position, velocity, &self.feedback, dictionary);
     }
 }
+
+/// High byte of the error codes of sensors (CiA 402), the position feedback among them.
+const SENSOR_ERROR: u8 = 0x73;

@@ -15,9 +15,11 @@
 //! | `monitor`   | temperature, voltage, speed: faults and warnings                  |
 //! | `inputs`    | digital inputs, safe torque off                                   |
 //! | `servo`     | timing of the control loops                                       |
+//! | `encoder`   | encoder kind, position counter                                    |
 //! | `status`    | actual values and statusword                                      |
 
 mod axis;
+mod encoder;
 mod inputs;
 mod limits;
 mod monitor;
@@ -31,10 +33,13 @@ mod task;
 #[cfg(test)]
 mod tests;
 
+pub use encoder::EncoderKind;
+
 use std::time::Duration;
 
 use crate::actuator::ActuatorSettings;
 use crate::drive::axis::Axis;
+use crate::drive::encoder::PositionCounter;
 use crate::drive::monitor::Monitor;
 use crate::drivetrain::MotorReading;
 use crate::motion::{Feedback, Tuning, encoder_counts};
@@ -59,6 +64,10 @@ pub struct DriveSettings {
     pub dictionary: Dictionary,
     /// Motor, gear and encoder.
     pub actuator: ActuatorSettings,
+    /// Position at power-up.
+    pub encoder: EncoderKind,
+    /// Set for a prismatic joint.
+    pub is_prismatic: bool,
     /// Time from a SYNC to the TPDOs sampled at it.
     pub latency: Duration,
     /// Servo tuning: inertia and friction of the load.
@@ -103,8 +112,8 @@ impl Drive {
 
     /// Creates a drive with the settings of its `delivery`, and with `quirks` at power-up.
     pub fn delivered(settings: DriveSettings, delivery: &Delivery, quirks: &Quirks) -> Self {
-        let DriveSettings { channel, node, mut dictionary, mut actuator, latency, tuning } =
-            settings;
+        let DriveSettings { channel, node, mut dictionary, mut actuator, .. } = settings;
+        let DriveSettings { encoder, is_prismatic, latency, tuning, .. } = settings;
         nameplate::store(&actuator, &mut dictionary);
         for (object, value) in &delivery.stored {
             dictionary.set_default_number(*object, *value);
@@ -112,10 +121,12 @@ impl Drive {
         // The encoder is mounted so that 6064h is right at joint position zero; quirks come later.
         let ActuatorSettings { counts_per_rev, zero_counts, .. } = actuator;
         actuator.zero_counts = encoder_counts(&dictionary, counts_per_rev, zero_counts);
-        let QuirkEffects { dictionary, misbehaviour, frames, torque_at_start, torque_filter, axis } =
-            QuirkEffects::new(quirks, dictionary, node);
-        let axis = Axis::new(&actuator, tuning)
-            .with_quirks(axis)
+        let effects = QuirkEffects::new(quirks, dictionary, node);
+        let QuirkEffects { dictionary, misbehaviour, frames, .. } = effects;
+        let QuirkEffects { torque_at_start, torque_filter, .. } = effects;
+        let counter = PositionCounter::new(encoder, &actuator, is_prismatic, &effects.encoder);
+        let axis = Axis::new(&actuator, counter, tuning)
+            .with_quirks(effects.axis)
             .with_unlisted_torque_mode(delivery.has_unlisted_torque_mode);
         let mut device =
             Device::new(node, dictionary, axis, latency).with_misbehaviour(misbehaviour);

@@ -31,11 +31,12 @@ impl Status {
     }
 }
 
-/// Combines the statusword bits of `state`, monitor and mode.
+/// Combines the statusword bits of `state`, monitor, mode and, in `manufacturer`, of the maker.
 pub(super) fn statusword(
     state: Statusword,
     monitor: &Monitor,
     demand: &TorqueDemand,
+    manufacturer: u16,
 ) -> Statusword {
     let own = [
         (monitor.has_voltage(), Statusword::VOLTAGE_ENABLED),
@@ -43,7 +44,7 @@ pub(super) fn statusword(
         (demand.is_limited, Statusword::INTERNAL_LIMIT),
     ];
     let bits = own.into_iter().filter(|(is_set, _)| *is_set).fold(0, |bits, (_, bit)| bits | bit);
-    Statusword(state.0 | bits | Statusword::REMOTE | demand.status & MODE_BITS)
+    Statusword(state.0 | bits | Statusword::REMOTE | demand.status & MODE_BITS | manufacturer)
 }
 
 /// Statusword bits of the mode: 10, 12 and 13.

@@ -9,11 +9,28 @@ use crate::motion::units::{Units, saturated, wrapped};
 use canopen::object::Object;
 use canopen_device::dictionary::Dictionary;
 
+/// Output of a mode.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TorqueDemand {
+    /// Torque demand in ‰ of rated torque, within all limits.
+    pub per_mille: f64,
+    /// Statusword bits 10, 12 and 13, which depend on the mode.
+    pub status: u16,
+    /// Internal limit active (statusword bit 11).
+    pub is_limited: bool,
+    /// Error code (603Fh) of a fault in the mode; 0 for none.
+    pub error: u16,
+}
+
 /// Shaft, demand and control loops of one drive.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Axis {
     pub(super) shaft: Shaft,
     pub(super) demand: Demand,
+    /// Set once a homing has completed.
+    pub(super) is_homed: bool,
+    /// Set if homing methods 35 and 37 search the index pulse.
+    pub(super) homing_moves: bool,
     servo: Servo,
     /// Last torque demand, in ‰.
     last_torque: LimitedValue,
@@ -35,7 +52,7 @@ impl Axis {
     /// Starts at the actual motion, without a step in torque.
     pub(super) const fn take_over(&mut self, actual: &Actual) {
         self.servo.take_over(actual);
-        let Actual { position, velocity, per_mille } = *actual;
+        let Actual { position, velocity, per_mille, .. } = *actual;
         self.demand = Demand { position, velocity, acceleration: 0.0 };
         self.last_torque = LimitedValue { value: per_mille, is_limited: false };
     }

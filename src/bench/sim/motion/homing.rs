@@ -20,10 +20,12 @@ enum Method {
 }
 
 impl Method {
-    const fn from_number(number: i8) -> Option<Self> {
+    /// Returns the method of 6098h; 35 and 37 are 34 in a drive that moves (`homing_moves`).
+    const fn from_number(number: i8, homing_moves: bool) -> Option<Self> {
         match number {
             33 => Some(Self::NegativeIndex),
             34 => Some(Self::PositiveIndex),
+            35 | 37 if homing_moves => Some(Self::PositiveIndex),
             35 | 37 => Some(Self::Here),
             _ => None,
         }
@@ -83,17 +85,20 @@ impl Homing {
         self.is_at_rest = false;
         let position = input.actual.position;
         let turn = axis.shaft.units.increments_per_revolution();
-        self.progress = match Method::from_number(input.dictionary.i8(Object::HOMING_METHOD)) {
+        let phase = input.actual.index;
+        let turns = (position - phase) / turn;
+        let number = input.dictionary.i8(Object::HOMING_METHOD);
+        self.progress = match Method::from_number(number, axis.homing_moves) {
             Some(Method::Here) => {
                 set_home(axis, position, input);
                 Progress::Found
             }
             Some(Method::NegativeIndex) => {
-                let index = ((position / turn).ceil() - 1.0) * turn;
+                let index = (turns.ceil() - 1.0) * turn + phase;
                 Progress::Searching { index, sign: -1.0 }
             }
             Some(Method::PositiveIndex) => {
-                let index = ((position / turn).floor() + 1.0) * turn;
+                let index = (turns.floor() + 1.0) * turn + phase;
                 Progress::Searching { index, sign: 1.0 }
             }
             None => Progress::Failed,
@@ -143,6 +148,7 @@ impl Homing {
         }
         self.is_at_rest = true;
         axis.demand = Demand::at(input.actual.position);
+        axis.is_homed |= matches!(self.progress, Progress::Found);
         self.progress = match self.progress {
             Progress::Found => Progress::Done,
             Progress::Interrupted => Progress::NotStarted,
@@ -173,7 +179,7 @@ fn set_home(axis: &mut Axis, position: f64, input: &StepInput<'_>) {
 mod tests {
     use super::*;
     use crate::motion::bits::{HOMING_ATTAINED, HOMING_ERROR, TARGET_REACHED};
-    use crate::motion::fixture::{ENABLED, Fixture, HALT, START};
+    use crate::motion::fixture::{ENABLED, Fixture, HALT, START, put};
     use crate::motion::rotor::Rotor;
     use canopen::object::Object;
 
@@ -223,6 +229,77 @@ mod tests {
     }
 
     #[test]
+    fn index_pulse_is_at_its_angle_of_the_motor() {
+        for (method, index) in [(33, 37_768.0), (34, 54_152.0)] {
+            let mut fixture = fixture(method, 40_000.0);
+            fixture.rotor.index = 5_000.0;
+            fixture.set_controlword(ENABLED | START);
+            fixture.until(5_000, |b| b.has(HOMING_ATTAINED) && b.has(TARGET_REACHED));
+            let beyond = f64::from(fixture.rotor.feedback().position) - index;
+            assert!((f64::from(fixture.position() + 1_234) - beyond).abs() < 1.0, "{method}");
+        }
+    }
+
+    #[test]
+    fn moving_methods_35_and_37_are_method_34() {
+        let run = |method, homing_moves| {
+            let mut fixture = fixture(method, 40_000.0);
+            fixture.motion = fixture.motion.with_moving_homing(homing_moves);
+            fixture.set_controlword(ENABLED | START);
+            let ticks = (0..3_000).map(|_| fixture.tick()).collect::<Vec<_>>();
+            (ticks, fixture.position())
+        };
+        let positive = run(34, false);
+        for method in [34, 35, 37] {
+            assert_eq!(run(method, true), positive, "{method}");
+        }
+        assert_eq!(run(33, true), run(33, false), "other methods are unchanged");
+    }
+
+    #[test]
+    fn homing_torque_stays_within_max_torque() {
+        for (method, homing_moves) in [(37, false), (37, true), (33, false), (34, false)] {
+            for load in [0.0, 30.0, -30.0] {
+                let rotor = Rotor { position: 40_000.0, load, ..Rotor::default() };
+                let mut fixture = Fixture::with(MODE, rotor, |dictionary| {
+                    put(dictionary, Object::MAX_TORQUE, 50);
+                    // Faster than 50 ‰ allow.
+                    put(dictionary, Object::HOMING_SPEED_ZERO, 50_000);
+                    put(dictionary, Object::HOMING_ACCELERATION, 100_000_000);
+                });
+                fixture.motion = fixture.motion.with_moving_homing(homing_moves);
+                fixture.put(Object::HOMING_METHOD, method);
+                fixture.run(500);
+                fixture.set_controlword(ENABLED | START);
+                let mut most = 0.0_f64;
+                for _ in 0..6_000 {
+                    most = most.max(fixture.tick().per_mille.abs());
+                }
+                assert!(most <= 50.0, "{most} ‰, method {method}, load {load} ‰");
+                let has_moved = method != 37 || homing_moves;
+                assert_eq!(most >= 49.9, has_moved, "{most} ‰, method {method}, load {load} ‰");
+                assert_eq!(status(&fixture), (false, true, true), "method {method}, load {load} ‰");
+            }
+        }
+    }
+
+    #[test]
+    fn homing_is_known_once_it_has_completed() {
+        let mut fixture = fixture(34, 40_000.0);
+        fixture.set_controlword(ENABLED | START);
+        while !(fixture.has(HOMING_ATTAINED) && fixture.has(TARGET_REACHED)) {
+            assert!(!fixture.motion.is_homed());
+            fixture.tick();
+        }
+        assert!(fixture.motion.is_homed());
+        fixture.begin(10);
+        assert!(fixture.motion.is_homed(), "in other modes as well");
+        let position = fixture.position();
+        fixture.motion.forget_homing();
+        assert_eq!((fixture.motion.is_homed(), fixture.position()), (false, position));
+    }
+
+    #[test]
     fn polarity_inverts_the_display_not_the_search() {
         let mut fixture = fixture(34, 40_000.0);
         fixture.put(Object::POLARITY, 0x80);
@@ -244,7 +321,11 @@ mod tests {
             })
             .collect();
         for method in i8::MIN..=i8::MAX {
-            assert_eq!(Method::from_number(method).is_some(), listed.contains(&method), "{method}");
+            assert_eq!(
+                Method::from_number(method, false).is_some(),
+                listed.contains(&method),
+                "{method}"
+            );
         }
     }
 

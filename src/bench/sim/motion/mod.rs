@@ -39,7 +39,11 @@ mod torque;
 mod tuning;
 mod units;
 
+pub use axis::TorqueDemand;
+pub use shaft::Feedback;
+pub use stop::Ramp;
 pub use tuning::{InvalidLoad, Load, Tuning};
+pub(crate) use units::wrapped;
 
 use axis::{Axis, StepInput};
 use operation_mode::OperationMode;
@@ -53,46 +57,11 @@ use units::Units;
 /// Converts a position (6064h) to counts of an encoder with `increments` per revolution, by the factors of
 /// `dictionary`; wraps.
 pub(crate) fn encoder_counts(dictionary: &Dictionary, increments: f64, position: i32) -> i32 {
-    units::wrapped(Units::from_dictionary(dictionary, increments).increments(f64::from(position)))
+    wrapped(Units::from_dictionary(dictionary, increments).increments(f64::from(position)))
 }
 
 /// Period of the position and velocity loops, in s.
 pub const SERVO_PERIOD: f64 = 1e-3;
-
-/// Values of encoder and current loop.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Feedback {
-    /// Position in increments, 32 bits, wraps.
-    pub position: i32,
-    /// Velocity, in increments/s.
-    pub velocity: f64,
-    /// Actual torque, in ‰ of rated torque.
-    pub per_mille: f64,
-}
-
-/// Output of a mode.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct TorqueDemand {
-    /// Torque demand in ‰ of rated torque, within all limits.
-    pub per_mille: f64,
-    /// Statusword bits 10, 12 and 13, which depend on the mode.
-    pub status: u16,
-    /// Internal limit active (statusword bit 11).
-    pub is_limited: bool,
-    /// Error code (603Fh) of a fault in the mode; 0 for none.
-    pub error: u16,
-}
-
-/// Ramp of a stop (605Ah to 605Eh).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ramp {
-    /// Slow down ramp, 6084h.
-    SlowDown,
-    /// Quick stop ramp, 6085h.
-    QuickStop,
-    /// Maximum torque.
-    CurrentLimit,
-}
 
 /// Modes of one drive, with their state.
 #[derive(Clone, Copy, Debug, Default)]
@@ -113,6 +82,23 @@ impl Motion {
             axis: Axis::new(tuning, Units::from_dictionary(dictionary, increments)),
             ..Self::default()
         }
+    }
+
+    /// Makes homing methods 35 and 37 search the index pulse, as method 34 does.
+    #[must_use]
+    pub const fn with_moving_homing(mut self, homing_moves: bool) -> Self {
+        self.axis.homing_moves = homing_moves;
+        self
+    }
+
+    /// Returns whether a homing has completed since the state was created or [`forget_homing`](Self::forget_homing).
+    pub const fn is_homed(&self) -> bool {
+        self.axis.is_homed
+    }
+
+    /// Forgets that a homing has completed. The home position stays.
+    pub const fn forget_homing(&mut self) {
+        self.axis.is_homed = false;
     }
 
     /// Updates the factor group after a write of `object`. [`begin`](Self::begin) updates it as well.

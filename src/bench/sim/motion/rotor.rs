@@ -14,6 +14,8 @@ pub(super) struct Rotor {
     pub(super) load: f64,
     /// Unwrapped position, in increments.
     pub(super) position: f64,
+    /// Position of an index pulse, in increments.
+    pub(super) index: f64,
     /// Velocity, in increments/s.
     pub(super) velocity: f64,
     /// Motor torque, in ‰.
@@ -22,7 +24,15 @@ pub(super) struct Rotor {
 
 impl Default for Rotor {
     fn default() -> Self {
-        Self { inertia: 2.5e-5, coulomb: 0.0, load: 0.0, position: 0.0, velocity: 0.0, torque: 0.0 }
+        Self {
+            inertia: 2.5e-5,
+            coulomb: 0.0,
+            load: 0.0,
+            position: 0.0,
+            index: 0.0,
+            velocity: 0.0,
+            torque: 0.0,
+        }
     }
 }
 
@@ -46,11 +56,16 @@ impl Rotor {
     }
 
     pub(super) const fn actual(&self) -> Actual {
-        Actual { position: self.position.round(), velocity: self.velocity, per_mille: self.torque }
+        Actual {
+            position: self.position.round(),
+            index: self.index,
+            velocity: self.velocity,
+            per_mille: self.torque,
+        }
     }
 
     pub(super) fn feedback(&self) -> Feedback {
-        let Actual { position, velocity, per_mille } = self.actual();
-        Feedback { position: wrapped(position), velocity, per_mille }
+        let Actual { position, index, velocity, per_mille } = self.actual();
+        Feedback { position: wrapped(position), index, velocity, per_mille }
     }
 }

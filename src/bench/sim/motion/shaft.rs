@@ -3,8 +3,20 @@
 //! The loops use the unwrapped position in increments. 6064h is relative to home, in position units,
 //! and wraps.
 
-use crate::motion::Feedback;
 use crate::motion::units::Units;
+
+/// Values of encoder and current loop.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Feedback {
+    /// Position in increments, 32 bits, wraps.
+    pub position: i32,
+    /// Position of an index pulse, in increments; there is one per motor revolution.
+    pub index: f64,
+    /// Velocity, in increments/s.
+    pub velocity: f64,
+    /// Actual torque, in ‰ of rated torque.
+    pub per_mille: f64,
+}
 
 /// Shaft of the motor, as the encoder measures it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -23,6 +35,8 @@ pub(super) struct Shaft {
 pub(super) struct Actual {
     /// Unwrapped position, in increments.
     pub(super) position: f64,
+    /// Position of an index pulse, in increments.
+    pub(super) index: f64,
     /// Velocity, in increments/s.
     pub(super) velocity: f64,
     /// Torque, in ‰ of rated torque.
@@ -42,6 +56,7 @@ impl Shaft {
         self.position += f64::from(distance);
         Actual {
             position: self.position,
+            index: feedback.index,
             velocity: bounded(feedback.velocity, MAX_VELOCITY),
             per_mille: bounded(feedback.per_mille, MAX_TORQUE),
         }

@@ -7,8 +7,19 @@ use crate::motion::axis::{Axis, StepInput};
 use crate::motion::limits::{LimitedValue, deceleration};
 use crate::motion::ramp::{Demand, Profile};
 use crate::motion::reached::Standstill;
-use crate::motion::{Ramp, torque};
+use crate::motion::torque;
 use canopen::object::Object;
+
+/// Ramp of a stop (605Ah to 605Eh).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ramp {
+    /// Slow down ramp, 6084h.
+    SlowDown,
+    /// Quick stop ramp, 6085h.
+    QuickStop,
+    /// Maximum torque.
+    CurrentLimit,
+}
 
 /// Quantity that a stop brings to zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -51,6 +51,7 @@ fn feedback() -> impl Strategy<Value = Feedback> {
         position,
         velocity,
         per_mille,
+        ..Feedback::default()
     })
 }
 

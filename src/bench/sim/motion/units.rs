@@ -196,7 +196,7 @@ pub(super) fn signed(dictionary: &Dictionary, object: Object) -> i32 {
     clippy::cast_possible_truncation,
     reason = "a counter of 32 bits wraps; NaN becomes 0"
 )]
-pub(super) fn wrapped(number: f64) -> i32 {
+pub(crate) fn wrapped(number: f64) -> i32 {
     number.round() as i64 as i32
 }
 

@@ -112,6 +112,17 @@ impl Plant {
         Balance { motors, resisting, hand, gravity, inertia: motors + resisting + hand - gravity }
     }
 
+    /// Returns the torques that give the joints these accelerations, in N·m (N), without friction and end stops.
+    pub fn torques_for(&self, acceleration: &Joints) -> Joints {
+        let Dynamics { mass, bias } = self.arm.dynamics(&self.posture, &self.qd);
+        mass * acceleration + bias
+    }
+
+    /// Returns which joints are prismatic.
+    pub fn is_prismatic(&self) -> [bool; 6] {
+        self.arm.is_prismatic()
+    }
+
     /// Returns the Jacobian of {G} in {G}.
     pub fn jacobian(&self) -> Jacobian<6> {
         self.arm.jacobian(&self.posture)

@@ -18,6 +18,21 @@ pub(crate) struct AxisQuirks {
     pub(crate) mode_when_enabled: Option<i8>,
     /// Set if the first edge of bit 7 after a fault does not reset it.
     pub(crate) ignores_first_reset: bool,
+    /// Set if homing methods 35 and 37 move the motor to the index pulse.
+    pub(crate) homing_moves: bool,
+    /// Bit of the statusword that shows a completed homing.
+    pub(crate) referenced_bit: Option<u8>,
+}
+
+/// Deviations of the encoder.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct EncoderQuirks {
+    /// Set if the encoder is incremental.
+    pub(crate) is_incremental: bool,
+    /// Angle by which the encoder is turned on its shaft, in degrees (mm) of the joint.
+    pub(crate) slip: f64,
+    /// Motor revolutions that its counter is off at power-up.
+    pub(crate) revolutions: i8,
 }
 
 /// Deviations of one drive, by what they change.
@@ -35,6 +50,8 @@ pub(crate) struct QuirkEffects {
     pub(crate) torque_filter: Option<TorqueFilter>,
     /// Deviations of its state machine and mode.
     pub(crate) axis: AxisQuirks,
+    /// Deviations of its encoder.
+    pub(crate) encoder: EncoderQuirks,
 }
 
 impl QuirkEffects {
@@ -47,13 +64,14 @@ impl QuirkEffects {
             torque_at_start: None,
             torque_filter: None,
             axis: AxisQuirks::default(),
+            encoder: EncoderQuirks::default(),
         };
         quirks.iter().for_each(|quirk| effects.add(quirk, node));
         effects
     }
 
     fn add(&mut self, quirk: Quirk, node: NodeId) {
-        let Self { dictionary, misbehaviour, frames, torque_at_start, torque_filter, axis } = self;
+        let Self { dictionary, misbehaviour, frames, axis, encoder, .. } = self;
         match quirk {
             Quirk::DeafToMaster => self.confirm_and_discard(Object::CONSUMER_HEARTBEAT, &[0; 4]),
             Quirk::KeepsTorque => self.confirm_and_discard(Object::ABORT_CONNECTION, &[0; 2]),
@@ -69,7 +87,7 @@ impl QuirkEffects {
                 misbehaviour.refuses.extend(layout::MAPPINGS.map(|of| (of, AbortCode::READ_ONLY)));
             }
             Quirk::Forgetful(object) => misbehaviour.ignores.push(object),
-            Quirk::RunningAtStart(torque) => *torque_at_start = Some(torque),
+            Quirk::RunningAtStart(torque) => self.torque_at_start = Some(torque),
             Quirk::LateBoot(time) => frames.boot_delay = time,
             Quirk::NoBootUp => frames.hides_boot_up = true,
             Quirk::HeartbeatLiar => frames.min_heartbeat_period = COARSE_HEARTBEAT_PERIOD,
@@ -88,13 +106,20 @@ impl QuirkEffects {
             }
             Quirk::LostSdoReply(number) => frames.lost_response = Some(number),
             Quirk::SlowFirstAnswer(time) => frames.first_response_delay = time,
-            Quirk::FilteredTorque(percent) => *torque_filter = Some(TorqueFilter::new(percent)),
+            Quirk::FilteredTorque(percent) => {
+                self.torque_filter = Some(TorqueFilter::new(percent));
+            }
             Quirk::ModeWhenOperational => {
                 misbehaviour.needs_operational.push(Object::MODE_OF_OPERATION);
             }
             Quirk::ModeWhenEnabled(mode) => axis.mode_when_enabled = Some(mode),
             Quirk::TwoResetEdges => axis.ignores_first_reset = true,
             Quirk::LostWriteReply(number) => frames.lost_confirmation = Some(number),
+            Quirk::Incremental => encoder.is_incremental = true,
+            Quirk::EncoderSlipped(slip) => encoder.slip = slip,
+            Quirk::WrongRevolution(revolutions) => encoder.revolutions = revolutions,
+            Quirk::HomingMoves => axis.homing_moves = true,
+            Quirk::ReferencedBit(bit) => axis.referenced_bit = Some(bit),
             Quirk::PolarityReversed | Quirk::Stored(..) => {
                 if let Some((object, value)) = quirk.stores() {
                     dictionary.set_default_number(object, value);

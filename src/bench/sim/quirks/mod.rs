@@ -6,20 +6,19 @@
 
 mod assignment;
 mod effects;
-mod name;
 mod quirk;
 mod torque_filter;
 mod transmit_path;
+mod value;
 
 pub use assignment::{QuirkAssignment, UnknownJoint};
-pub(super) use effects::{AxisQuirks, QuirkEffects, start_running};
-pub use name::UnknownQuirk;
-pub use quirk::Quirk;
+pub(super) use effects::{AxisQuirks, EncoderQuirks, QuirkEffects, start_running};
+pub use quirk::{Quirk, UnknownQuirk};
 pub(super) use torque_filter::TorqueFilter;
 pub(super) use transmit_path::{FrameQuirks, TransmitPath};
 
 /// Quirks of one drive.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Quirks(Vec<Quirk>);
 
 impl Quirks {

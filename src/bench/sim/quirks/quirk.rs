@@ -7,8 +7,9 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize, Serializer};
+use thiserror::Error;
 
-use crate::quirks::name::{UnknownQuirk, millis, number, object, stored};
+use crate::quirks::value::{manufacturer_bit, millis, number, object, revolutions, stored};
 use canopen::object::Object;
 
 /// Generates [`Quirk`] and its names from the table. A row with a value has its default, the function that reads it
@@ -20,7 +21,7 @@ macro_rules! quirks {
         $(, default $default:literal, read $read:ident($($limit:expr),*), shown $shown:expr)?;
     )+) => {
         /// One deviation. [`NAMES`](Quirk::NAMES) lists the names used in scenarios and on the command line.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+        #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
         #[serde(try_from = "String")]
         pub enum Quirk {
             $($(#[$doc])+ $quirk $(($($type),+))?,)+
@@ -161,6 +162,45 @@ quirks! {
     /// Loses one SDO download response since power-up, the one of this number. The write has taken effect.
     LostWriteReply(number: u32) "lost-write-reply",
         default "10", read number(1..=1_000_000, ""), shown number;
+    /// Counts its position (6064h) from 0 at each power-up and NMT reset node, in any posture: the motor has an
+    /// incremental encoder, or an absolute one whose battery is empty.
+    Incremental "incremental";
+    /// Has an encoder turned on its shaft by this since before power-up, in degrees (mm) of the joint: a coupling has
+    /// slipped, or the motor was replaced. Of an incremental encoder only the index pulse moves.
+    EncoderSlipped(degrees: f64) "encoder-slipped",
+        default "20", read number(-180.0..=180.0, " ° (mm of a prismatic joint)"), shown degrees;
+    /// Reports a position (6064h) off by this number of motor revolutions since power-up: its multi-turn counter was
+    /// turned without battery, or its maker's tool has cleared it.
+    WrongRevolution(revolutions: i8) "wrong-revolution",
+        default "1", read revolutions(-100..=100), shown revolutions;
+    /// Searches the index pulse in positive direction by homing methods 35 and 37, as by 34, and does not take the
+    /// current position. Documented for drives whose firmware numbers its methods differently.
+    HomingMoves "homing-moves";
+    /// Shows in this bit of the statusword, in every mode, that a homing has completed since power-up. Makers use bits
+    /// 8, 14 and 15; a fault of the feedback (73xxh) clears it.
+    ReferencedBit(bit: u8) "referenced-bit",
+        default "15", read manufacturer_bit(), shown bit;
+}
+
+/// Reasons to refuse the name of a quirk.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum UnknownQuirk {
+    /// No quirk has this name.
+    #[error("unknown quirk `{0}`; expected one of {list}", list = Quirk::NAMES.join(", "))]
+    Name(String),
+    /// Value of a quirk that has no parameter.
+    #[error("quirk `{0}` takes no value")]
+    NoValue(&'static str),
+    /// Invalid value.
+    #[error("value of quirk `{name}` must be {wanted}, got `{value}`")]
+    Value {
+        /// Name without the value: `slow-sdo`.
+        name: &'static str,
+        /// Values allowed.
+        wanted: String,
+        /// Value given.
+        value: String,
+    },
 }
 
 impl Quirk {

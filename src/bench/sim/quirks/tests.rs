@@ -1,5 +1,6 @@
 //! Effect of each quirk, and that it has no other.
 
+mod encoder;
 mod stored;
 
 use std::time::Duration;
@@ -8,7 +9,7 @@ use canopen_rs::NodeId;
 use proptest::prelude::*;
 
 use crate::actuator::ActuatorSettings;
-use crate::drive::{Drive, DriveSettings};
+use crate::drive::{Drive, DriveSettings, EncoderKind};
 use crate::drivetrain::MotorReading;
 use crate::motion::Tuning;
 use crate::quirks::{Quirk, QuirkEffects, Quirks};
@@ -49,6 +50,8 @@ fn drive(names: &[&str]) -> Drive {
             torque_curve: [10.0, 0.0, 0.0],
             max_torque: 30.0,
         },
+        encoder: EncoderKind::Absolute,
+        is_prismatic: false,
         latency: Duration::ZERO,
         tuning: Tuning::default(),
     };

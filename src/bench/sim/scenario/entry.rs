@@ -157,62 +157,80 @@ mod tests {
     #[test]
     fn invalid_faults_are_refused_in_one_line() {
         for (keys, reason) in [
-            ("joint = 3", "line 2: `fault` needs `kind`"),
-            ("kind = 3", "line 4: kind must be a word, got 3"),
-            ("kind = \"burn\"", "line 2: kind must be a kind of fault, got burn"),
-            ("kind = \"unplug\"", "line 2: `unplug` needs `joint`"),
-            ("kind = \"unplug\", joint = 7", "line 5: joint must be 1 to 6 or \"all\", got 7"),
+            ("joint = 3", "2: fault[0].kind: missing; `fault` needs it"),
+            ("kind = 3", "4: fault[0].kind: must be a word, got 3"),
+            ("kind = \"burn\"", "2: fault[0].kind: must be a kind of fault, got burn"),
+            ("kind = \"unplug\"", "2: fault[0].joint: missing; `unplug` needs it"),
+            ("kind = \"unplug\", joint = 7", "5: fault[0].joint: must be 1 to 6 or \"all\", got 7"),
             (
                 "kind = \"unplug\", device = \"me\"",
-                "line 5: device must be \"switches\", got \"me\"",
+                "5: fault[0].device: must be \"switches\", got \"me\"",
             ),
-            ("kind = \"sto\", device = \"switches\"", "line 2: `sto` needs `joint`"),
+            ("kind = \"sto\", device = \"switches\"", "2: fault[0].joint: missing; `sto` needs it"),
             (
                 "kind = \"unplug\", joint = 1, code = 3",
-                "line 6: `code` does not belong to `unplug`",
+                "6: fault[0].code: does not belong to `unplug`",
             ),
             (
                 "kind = \"reset\", joint = 1, for_s = 1",
-                "line 6: `for_s` does not belong to `reset`",
+                "6: fault[0].for_s: does not belong to `reset`",
             ),
             (
                 "kind = \"unplug\", joint = 1, for_s = 4.1",
-                "line 6: for_s must be within 0.001..=4, got 4.1",
+                "6: fault[0].for_s: must be within 0.001..=4, got 4.1",
             ),
-            ("kind = \"unplug\", joint = 1, for_s = nan", "line 6: for_s must be within"),
-            ("kind = \"drop\", joint = 1, frame = \"tpdo0\"", "line 6: frame must be tpdo1 to"),
-            ("kind = \"drop\", joint = 1, frame = \"tpdo01\"", "line 6: frame must be tpdo1 to"),
+            ("kind = \"unplug\", joint = 1, for_s = nan", "6: fault[0].for_s: must be within"),
+            (
+                "kind = \"drop\", joint = 1, frame = \"tpdo0\"",
+                "6: fault[0].frame: must be tpdo1 to",
+            ),
+            (
+                "kind = \"drop\", joint = 1, frame = \"tpdo01\"",
+                "6: fault[0].frame: must be tpdo1 to",
+            ),
             (
                 "kind = \"drop\", joint = 1, frame = \"sync\", cob_id = 128",
-                "line 7: `cob_id` does not belong to `drop`",
+                "7: fault[0].cob_id: does not belong to `drop`",
             ),
             (
                 "kind = \"drop\", joint = 1, cob_id = 0x800",
-                "line 6: cob_id must be 0 to 0x7FF, got 2048",
+                "6: fault[0].cob_id: must be 0 to 0x7FF, got 2048",
             ),
             (
                 "kind = \"drop\", joint = 1, share = 1.5",
-                "line 6: share must be within 0..=1, got 1.5",
+                "6: fault[0].share: must be within 0..=1, got 1.5",
             ),
             (
                 "kind = \"drop\", joint = 1, share = 1, count = 1",
-                "line 7: `count` does not belong to `drop`",
+                "7: fault[0].count: does not belong to `drop`",
             ),
-            ("kind = \"drop\", joint = 1, count = 0", "line 6: count must be 1 or more, got 0"),
-            ("kind = \"delay\", joint = 1", "line 2: `delay` needs `delay_ms`"),
-            ("kind = \"corrupt\", joint = 1, xor = \"1\"", "line 6: xor must be up to 8 bytes"),
-            ("kind = \"corrupt\", joint = 1, xor = \"+1\"", "line 6: xor must be up to 8 bytes"),
-            ("kind = \"foreign_nmt\"", "line 2: `foreign_nmt` needs `command`"),
-            ("kind = \"link_loss\", at_s = 2", "line 5: duplicate key"),
-            ("kind = \"process_stopped\"", "line 2: `process_stopped` needs `for_s`"),
-            ("kind = \"clock_set\"", "line 2: `clock_set` needs `wall_s`"),
+            (
+                "kind = \"drop\", joint = 1, count = 0",
+                "6: fault[0].count: must be 1 or more, got 0",
+            ),
+            ("kind = \"delay\", joint = 1", "2: fault[0].delay_ms: missing; `delay` needs it"),
+            (
+                "kind = \"corrupt\", joint = 1, xor = \"1\"",
+                "6: fault[0].xor: must be up to 8 bytes",
+            ),
+            (
+                "kind = \"corrupt\", joint = 1, xor = \"+1\"",
+                "6: fault[0].xor: must be up to 8 bytes",
+            ),
+            ("kind = \"foreign_nmt\"", "2: fault[0].command: missing; `foreign_nmt` needs it"),
+            ("kind = \"link_loss\", at_s = 2", "5: duplicate key"),
+            (
+                "kind = \"process_stopped\"",
+                "2: fault[0].for_s: missing; `process_stopped` needs it",
+            ),
+            ("kind = \"clock_set\"", "2: fault[0].wall_s: missing; `clock_set` needs it"),
             (
                 "kind = \"sensed_force\", force_n = \"x\"",
-                "line 5: force_n must be a number, got \"x\"",
+                "5: fault[0].force_n: must be a number, got \"x\"",
             ),
             (
                 "kind = \"link_loss\", [[fault]], kind = \"link_loss\", at_s = 0.5",
-                "line 5: at_s must be at least 1, the end of the entry before, got 0.5",
+                "5: fault[1].at_s: must be at least 1, the end of the entry before, got 0.5",
             ),
         ] {
             let error = read(keys).unwrap_err();

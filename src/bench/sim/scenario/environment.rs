@@ -71,14 +71,14 @@ mod tests {
     #[test]
     fn wrong_value_is_named_with_its_line() {
         for (section, words) in [
-            ("wall_point_m = [nan, 0.0, 0.0]", "wall_point_m must be within -100..=100, got NaN"),
+            ("wall_point_m = [nan, 0.0, 0.0]", "wall_point_m: must be within -100..=100, got NaN"),
             (
                 "wall_stiffness_n_per_m = 0",
-                "wall_stiffness_n_per_m must be within 1..=10000000, got 0",
+                "wall_stiffness_n_per_m: must be within 1..=10000000, got 0",
             ),
         ] {
             let error = parsed(section).unwrap_err();
-            assert!(error.starts_with("line 2: ") && error.contains(words), "{error}");
+            assert!(error.starts_with("2: environment") && error.contains(words), "{error}");
         }
     }
 

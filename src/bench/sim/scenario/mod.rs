@@ -97,15 +97,9 @@ impl Scenario {
     /// # Errors
     /// Returns the first problem, with its line.
     pub fn parse(text: &str) -> Result<Self, ScenarioError> {
-        let at = |span: Range<usize>, problem| ScenarioError { line: line(text, &span), problem };
+        let at = |span: Range<usize>, problem| ScenarioError::at(text, span.start, problem);
         let script: Script = toml::from_str(text).map_err(|error| {
-            let message = toml_input::message(text, &error);
-            let key = error.span().map(|span| toml_input::key_at(text, span.start));
-            let problem = match key.filter(|key| !key.is_empty()) {
-                Some(key) => format!("{key}: {message}"),
-                None => message,
-            };
-            let problem = Problem::Toml(problem);
+            let problem = Problem::Toml(toml_input::message(text, &error));
             at(error.span().unwrap_or_default(), problem)
         })?;
         Self::check(script).map_err(|(span, problem)| at(span, problem))
@@ -286,11 +280,6 @@ impl Serialize for Scenario {
     }
 }
 
-/// Returns the line in which a span begins, from 1.
-fn line(text: &str, span: &Range<usize>) -> usize {
-    1 + text.bytes().take(span.start).filter(|byte| *byte == b'\n').count()
-}
-
 #[cfg(test)]
 mod tests {
     use std::fs;
@@ -328,45 +317,37 @@ mod tests {
     fn invalid_scenarios_are_refused() {
         let (to_m, deadman, arm) = ("to_m = [0.04, 0, 0]", "deadman = true", "\"arm\"");
         for (from, to, reason) in [
-            ("duration_s = 2", "duration_s = -2", "line 2: duration_s must be within"),
-            ("at_s = 1\n", "at_s = 1e308\n", "line 2: at_s must be within"),
-            ("at_s = 1\n", "at_s = nan\n", "line 2: at_s must be within 0..=5, got NaN"),
-            ("at_s = 0.5", "at_s = 5.1", "line 9: at_s must be within 0..=5, got 5.1"),
-            ("at_s = 2", "at_s = nan", "line 6: at_s must be within 0..=5, got NaN"),
-            (to_m, "to_m = [nan, 0, 0]", "line 2: to_m must be within -2..=2, got NaN"),
-            (to_m, "to_rad = [0, 4, 0]", "line 2: to_rad must be within"),
-            (
-                to_m,
-                "to_m = [0.04, 0, 0, \"x\"]",
-                "line 5: move[0].to_m: must be a list of 3, got 4",
-            ),
-            (to_m, "to_rad = [0, 0]", "line 5: move[0].to_rad: must be a list of 3, got 2"),
+            ("duration_s = 2", "duration_s = -2", "2: move[0].duration_s: must be within"),
+            ("at_s = 1\n", "at_s = 1e308\n", "2: move[0].at_s: must be within"),
+            ("at_s = 1\n", "at_s = nan\n", "2: move[0].at_s: must be within 0..=5, got NaN"),
+            ("at_s = 0.5", "at_s = 5.1", "9: console[0].at_s: must be within 0..=5, got 5.1"),
+            ("at_s = 2", "at_s = nan", "6: switch[0].at_s: must be within 0..=5, got NaN"),
+            (to_m, "to_m = [nan, 0, 0]", "2: move[0].to_m: must be within -2..=2, got NaN"),
+            (to_m, "to_rad = [0, 4, 0]", "2: move[0].to_rad: must be within"),
+            (to_m, "to_m = [0.04, 0, 0, \"x\"]", "5: move[0].to_m: must be a list of 3, got 4"),
+            (to_m, "to_rad = [0, 0]", "5: move[0].to_rad: must be a list of 3, got 2"),
             (
                 "[[move]]",
                 "[hand]\ntremor_hz = [8, 9, 10]\n[[move]]",
-                "line 3: hand.tremor_hz: must be a list of 2, got 3",
+                "3: hand.tremor_hz: must be a list of 2, got 3",
             ),
-            ("seconds = 5", "seconds = inf", "line 1: seconds must be within"),
-            (deadman, "dead_man = true", "line 8: unknown field `dead_man`"),
-            (
-                arm,
-                "\"fire\"",
-                "line 11: console[0].request: unknown request \"fire\"; expected arm",
-            ),
+            ("seconds = 5", "seconds = inf", "1: seconds: must be within"),
+            (deadman, "dead_man = true", "8: unknown field `dead_man`"),
+            (arm, "\"fire\"", "11: console[0].request: unknown request \"fire\"; expected arm"),
             (
                 arm,
                 "\"scale motion x\"",
-                "line 11: console[0].request: unknown request \"scale motion x\"",
+                "11: console[0].request: unknown request \"scale motion x\"",
             ),
-            (deadman, "buttons = [true]", "line 8: switch[0].buttons: must be a list of 4, got 1"),
-            ("[[hold]]", "[[switch]]\nat_s = 1.5\n[[hold]]", "line 12: at_s must be at least 2"),
-            ("seconds = 5", "seconds", "line 1: "),
+            (deadman, "buttons = [true]", "8: switch[0].buttons: must be a list of 4, got 1"),
             (
-                "[[move]]",
-                "[hand]\ntremor_mm = -1\n[[move]]",
-                "line 2: hand: tremor_mm must be within",
+                "[[hold]]",
+                "[[switch]]\nat_s = 1.5\n[[hold]]",
+                "12: switch[1].at_s: must be at least 2",
             ),
-            ("[[move]]", "[hand]\ntremble = 1\n[[move]]", "line 3: unknown field `tremble`"),
+            ("seconds = 5", "seconds", "1: "),
+            ("[[move]]", "[hand]\ntremor_mm = -1\n[[move]]", "2: hand: tremor_mm must be within"),
+            ("[[move]]", "[hand]\ntremble = 1\n[[move]]", "3: unknown field `tremble`"),
         ] {
             let error = Scenario::parse(&SCRIPT.replace(from, to)).unwrap_err().to_string();
             assert!(error.starts_with(reason), "{error}");
@@ -425,6 +406,6 @@ mod tests {
         assert_eq!(scenario.to_toml(), text);
         assert_eq!(Scenario::parse(text).unwrap(), scenario);
         let too_short = Scenario::new(1.2, entries).unwrap_err();
-        assert!(too_short.to_string().contains("duration_s must be within"), "{too_short}");
+        assert!(too_short.to_string().contains("duration_s: must be within"), "{too_short}");
     }
 }

@@ -1,5 +1,6 @@
 //! Errors in a scenario, with their lines.
 
+use std::fmt;
 use std::ops::Range;
 
 use thiserror::Error;
@@ -11,24 +12,43 @@ pub(super) const MIN_DURATION: f64 = 1e-3;
 /// Tolerance for sums of decimal fractions, in s.
 const ROUNDING: f64 = 1e-9;
 
-/// Error in a scenario, with its line.
+/// Error in a scenario, with line and key: `3: move[0].at_s: must be within 0..=5, got NaN`.
 #[derive(Clone, Debug, PartialEq, Error)]
-#[error("line {line}: {problem}")]
+#[error("{line}: {}{}", prefix(.key), .problem.reason())]
 pub struct ScenarioError {
     /// Line, from 1.
     pub line: usize,
-    /// Kind of the error, with key and values.
+    /// Key, as `move[0].at_s`; empty if unknown.
+    pub key: String,
+    /// Kind of the error, with its values.
     pub problem: Problem,
 }
 
+impl ScenarioError {
+    /// Returns the error of a problem at a byte offset of `text`.
+    pub(super) fn at(text: &str, offset: usize, problem: Problem) -> Self {
+        let line = 1 + text.bytes().take(offset).filter(|byte| *byte == b'\n').count();
+        let place = toml_input::key_at(text, offset);
+        let is_named = |key: &str| place.rsplit('.').next() == Some(key);
+        let key = match problem.key() {
+            Some(key) if place.is_empty() => key.to_owned(),
+            Some(key) if !is_named(key) => format!("{place}.{key}"),
+            Some(_) | None => place,
+        };
+        Self { line, key, problem }
+    }
+}
+
+fn prefix(key: &str) -> String {
+    if key.is_empty() { String::new() } else { format!("{key}: ") }
+}
+
 /// Kinds of errors.
-#[derive(Clone, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Problem {
     /// Invalid TOML, or unknown keys.
-    #[error("{0}")]
     Toml(String),
     /// Number out of its range, or NaN.
-    #[error("{quantity} must be within {low}..={high}, got {value}")]
     Number {
         /// Key.
         quantity: &'static str,
@@ -40,7 +60,6 @@ pub enum Problem {
         high: f64,
     },
     /// Entries of a list that overlap in time.
-    #[error("at_s must be at least {free_s}, the end of the entry before, got {at_s}")]
     Order {
         /// Begin of the entry.
         at_s: f64,
@@ -48,7 +67,6 @@ pub enum Problem {
         free_s: f64,
     },
     /// Key that the kind of fault requires.
-    #[error("`{kind}` needs `{key}`")]
     Missing {
         /// Kind of fault.
         kind: String,
@@ -56,7 +74,6 @@ pub enum Problem {
         key: &'static str,
     },
     /// Key that the kind of fault does not have.
-    #[error("`{key}` does not belong to `{kind}`")]
     Unrelated {
         /// Kind of fault.
         kind: String,
@@ -64,7 +81,6 @@ pub enum Problem {
         key: String,
     },
     /// Invalid value of a key.
-    #[error("{key} must be {wanted}, got {value}")]
     Value {
         key: &'static str,
         /// Value given.
@@ -72,6 +88,45 @@ pub enum Problem {
         /// Values allowed.
         wanted: &'static str,
     },
+}
+
+/// Writes key and reason: `at_s: must be within 0..=5, got NaN`.
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}{}", prefix(self.key().unwrap_or_default()), self.reason())
+    }
+}
+
+impl std::error::Error for Problem {}
+
+impl Problem {
+    /// Returns the last part of the key; `None` for invalid TOML, whose place has it.
+    fn key(&self) -> Option<&str> {
+        match self {
+            Self::Toml(_) => None,
+            Self::Number { quantity: key, .. }
+            | Self::Missing { key, .. }
+            | Self::Value { key, .. } => Some(key),
+            Self::Order { .. } => Some("at_s"),
+            Self::Unrelated { key, .. } => Some(key),
+        }
+    }
+
+    /// Returns the violated constraint, and the value.
+    fn reason(&self) -> String {
+        match self {
+            Self::Toml(message) => message.clone(),
+            Self::Number { value, low, high, .. } => {
+                format!("must be within {low}..={high}, got {value}")
+            }
+            Self::Order { at_s, free_s } => {
+                format!("must be at least {free_s}, the end of the entry before, got {at_s}")
+            }
+            Self::Missing { kind, .. } => format!("missing; `{kind}` needs it"),
+            Self::Unrelated { kind, .. } => format!("does not belong to `{kind}`"),
+            Self::Value { value, wanted, .. } => format!("must be {wanted}, got {value}"),
+        }
+    }
 }
 
 /// Problem, and its byte range in the text.

@@ -72,7 +72,9 @@ export class JointsPanel {
       const row = this.rows[index];
       const [q, torque, used] = [snapshot.q?.[index], snapshot.tau?.[index], snapshot.limit_used?.[index]];
       const range = numbers(joint?.range, 2);
-      setText(row.position, Number.isFinite(q) ? `${number(q, 3)}\u202f${plain(joint?.position_unit ?? "rad").slice(0, 12)}` : number(q, 3));
+      const unknown = Array.isArray(snapshot.zero_unknown) ? snapshot.zero_unknown.find((it) => it?.joint === index + 1) : undefined;
+      row.position.title = unknown ? plain(unknown.why).slice(0, 300) : "";
+      setText(row.position, unknown ? "zero unknown" : Number.isFinite(q) ? `${number(q, 3)}\u202f${plain(joint?.position_unit ?? "rad").slice(0, 12)}` : number(q, 3));
       row.place.mark(range ? (q - range[0]) / (range[1] - range[0]) : NaN);
       setText(row.torque, Number.isFinite(torque) ? `${number(torque, 2)}\u202f${plain(joint?.torque_unit ?? "N·m").slice(0, 12)}` : number(torque, 2));
       row.used.set(used);

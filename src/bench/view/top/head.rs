@@ -2,13 +2,13 @@
 
 use ratatui::style::Style;
 
+use super::choices::View;
 use super::number::{clock, fixed};
 use super::page::{Block, ScreenRow, plain, row};
 use super::palette::Palette;
 use super::state::State;
 use super::text::{cut, fitted, width, wrapped};
 use super::value::{at, text};
-use super::view::View;
 
 /// Columns of a mode's word, with a space on both sides.
 const BADGE: usize = 16;
@@ -90,6 +90,17 @@ pub(super) fn remarks(
     if !not_off.is_empty() {
         let text = format!("NOT OFF, do not touch: {}", not_off.join(", "));
         blocks.push(Block::whole(98, styled(&text, palette.alarm())));
+    }
+    let unknown: Vec<String> = (0..super::joints::JOINTS)
+        .filter_map(|place| {
+            let why = state.unknown_zero(place)?;
+            Some(format!("{}: {why}", cut(&state.joint_name(place), MAX_NAME)))
+        })
+        .collect();
+    if !unknown.is_empty() {
+        let text = format!("zero unknown: {}", unknown.join("; "));
+        let short = vec![row([(cut(&text, columns), palette.bad())])];
+        blocks.push(Block::abridged((96, short), (81, styled(&text, palette.bad()))));
     }
     if let Some(cause) = state.cause() {
         let text = format!("stopped by: {cause}");

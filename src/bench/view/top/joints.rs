@@ -24,6 +24,18 @@ struct Values {
     torque_unit: String,
     share: Option<f64>,
     is_sampled: Option<bool>,
+    is_zero_unknown: bool,
+}
+
+impl Values {
+    /// Formats the position; one without a zero has none.
+    fn position(&self, columns: usize, digits: usize) -> String {
+        if self.is_zero_unknown {
+            format!("{:>columns$}", "unknown")
+        } else {
+            fixed(self.position, columns, digits)
+        }
+    }
 }
 
 fn values(state: &State, place: usize) -> Values {
@@ -39,6 +51,7 @@ fn values(state: &State, place: usize) -> Values {
         torque_unit: fitted(&unit("torque_unit", ""), 3),
         share: number(snapshot("limit_used")),
         is_sampled: snapshot("sampled").as_bool(),
+        is_zero_unknown: state.unknown_zero(place).is_some(),
     }
 }
 
@@ -55,15 +68,15 @@ pub(super) fn heading(columns: usize) -> ScreenRow {
 /// Returns a row for each joint, of at least 80 columns.
 pub(super) fn wide(state: &State, palette: Palette, columns: usize) -> Vec<ScreenRow> {
     let of_joint = |place| {
-        let Values { name, position, position_unit, torque, torque_unit, share, is_sampled } =
-            values(state, place);
+        let values = values(state, place);
+        let position = values.position(9, 3);
+        let Values { name, position_unit, torque, torque_unit, share, is_sampled, .. } = values;
         let (sample, sample_style) = match is_sampled {
             Some(true) => ("in time", Style::new()),
             Some(false) => ("MISSED", palette.bad()),
             None => ("–", Style::new()),
         };
-        let (name, position, torque) =
-            (fitted(&name, NAME), fixed(position, 9, 3), fixed(torque, 9, 2));
+        let (name, torque) = (fitted(&name, NAME), fixed(torque, 9, 2));
         row([
             (format!("{name} {position} {position_unit} {torque} {torque_unit}  "), Style::new()),
             (
@@ -84,10 +97,11 @@ fn bar_columns(columns: usize) -> usize {
 /// Returns a row for each joint, of at least 40 columns; a missed sample has an exclamation mark.
 pub(super) fn narrow(state: &State, palette: Palette, columns: usize) -> Vec<ScreenRow> {
     let of_joint = |place| {
-        let Values { name, position, position_unit, torque, torque_unit, share, is_sampled } =
-            values(state, place);
+        let values = values(state, place);
+        let position = values.position(7, 3);
+        let Values { name, position_unit, torque, torque_unit, share, is_sampled, .. } = values;
         let name = fitted(&name, columns.saturating_sub(30));
-        let (position, torque) = (fixed(position, 7, 3), fixed(torque, 8, 2));
+        let torque = fixed(torque, 8, 2);
         let missed = if is_sampled == Some(false) { "!" } else { "" };
         row([
             (format!("{name}{position} {position_unit}{torque} {torque_unit} "), Style::new()),

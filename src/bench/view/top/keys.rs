@@ -1,6 +1,6 @@
 //! Keys that change the view. None acts on the node.
 
-use super::view::View;
+use super::choices::View;
 
 /// Ctrl-C, which a terminal in raw mode passes on as a byte.
 const CTRL_C: u8 = 0x03;

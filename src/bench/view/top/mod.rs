@@ -3,6 +3,7 @@
 //! `state` is what was received, `view` draws it, `screen` is the terminal.
 
 mod budget;
+mod choices;
 mod head;
 mod joints;
 mod keys;
@@ -29,10 +30,11 @@ use std::time::Duration;
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGWINCH};
 
+use self::choices::View;
 use self::palette::Palette;
 use self::screen::{DRAWINGS_PER_S, Event, Screen};
 use self::state::State;
-use self::view::{Scene, View};
+use self::view::Scene;
 use crate::feed::{FeedReader, Kind, News};
 use run::exit::{Failure, Kind as FailureKind, OrFail};
 use run::{print, signal_flag};

@@ -1,5 +1,7 @@
 //! Numbers of constant width: columns stay in place, and digits are never cut.
 
+use units::wording::without_minus_zero;
+
 /// Shown for a number that is absent.
 const ABSENT: &str = "–";
 
@@ -15,14 +17,6 @@ pub(super) fn fixed(value: Option<f64>, width: usize, decimals: usize) -> String
     let fitting = plain.chain(powers).find(|text| text.len() <= width);
     let bound = || if value < 0.0 { "<".to_owned() } else { ">".to_owned() };
     format!("{:>width$}", fitting.unwrap_or_else(bound))
-}
-
-/// Returns a number without the sign of a zero.
-fn without_minus_zero(text: String) -> String {
-    match text.strip_prefix('-') {
-        Some(digits) if digits.chars().all(|digit| matches!(digit, '0' | '.')) => digits.to_owned(),
-        Some(_) | None => text,
-    }
 }
 
 /// Returns a share, 0 to 1, in percent: 5 columns.

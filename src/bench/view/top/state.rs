@@ -117,6 +117,14 @@ impl State {
         list(at(self.newest(), &["not_off"])).iter().map(named).collect()
     }
 
+    /// Returns the reason why the zero of a joint is unknown; `None` if it is known.
+    pub(super) fn unknown_zero(&self, place: usize) -> Option<String> {
+        let unknown = list(at(&self.snapshot, &["zero_unknown"]));
+        let number = u64::try_from(place + 1).ok();
+        let found = unknown.iter().find(|it| at(it, &["joint"]).as_u64() == number)?;
+        Some(text(at(found, &["why"])).unwrap_or_default())
+    }
+
     /// Returns the steps that lead on from this mode.
     pub(super) fn way_out(&self) -> Vec<String> {
         let is_of_mode = text(at(&self.mode, &["mode"])) == Some(self.mode_name());

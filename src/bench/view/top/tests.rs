@@ -5,10 +5,11 @@ use ratatui::backend::TestBackend;
 use ratatui::style::Color;
 use serde_json::{Value, json};
 
+use super::choices::View;
 use super::palette::Palette;
 use super::state::State;
 use super::text::width;
-use super::view::{Scene, View};
+use super::view::Scene;
 use crate::feed::{Kind, Line, News};
 
 /// Lines of a node: description, mode and snapshot.

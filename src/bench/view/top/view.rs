@@ -3,6 +3,7 @@
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
+use super::choices::View;
 use super::page::{Block, ScreenRow, arranged, beside, plain};
 use super::palette::Palette;
 use super::state::State;
@@ -20,15 +21,6 @@ const OTHER_ROWS: usize = 17;
 
 /// Number of rows from which on the budget is shown beside everything else.
 const BUDGET_ROWS: usize = 30;
-
-/// Choices of the user.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct View {
-    /// Set if the screen is frozen.
-    pub(super) is_paused: bool,
-    /// Set if the torque budget replaces timing and buses.
-    pub(super) is_budget: bool,
-}
 
 /// State and choices that the screen shows.
 #[derive(Clone, Copy, Debug)]

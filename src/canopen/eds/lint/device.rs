@@ -7,6 +7,13 @@ use crate::eds::title::{Heading, Title};
 use crate::eds::{read, value};
 use crate::object::Object;
 
+/// Keys of `[DeviceInfo]`, and the objects with the same numbers.
+const IDENTITY: [(&str, Object); 3] = [
+    ("VendorNumber", Object::VENDOR_ID),
+    ("ProductNumber", Object::PRODUCT_CODE),
+    ("RevisionNumber", Object::REVISION),
+];
+
 pub(super) fn check(lint: &mut Lint<'_>) {
     if lint.ini.section(Title::Named(Heading::FileInfo)).is_none() {
         lint.warning(Spot::missing(Title::Named(Heading::FileInfo)), "is missing");
@@ -24,12 +31,12 @@ pub(super) fn check(lint: &mut Lint<'_>) {
 }
 
 fn info(lint: &mut Lint<'_>, section: &Section<'_>) {
-    for (key, object) in [
-        ("VendorNumber", Object::VENDOR_ID),
-        ("ProductNumber", Object::PRODUCT_CODE),
-        ("RevisionNumber", Object::REVISION),
-    ] {
-        identity(lint, section, key, object);
+    for (key, object) in IDENTITY {
+        match (section.value(key), read::unsigned::<u32>(section, key)) {
+            (None, _) => lint.warning(Spot::key(section, key), "is missing"),
+            (Some(_), None) => lint.error(Spot::key(section, key), "not a 32-bit number"),
+            (Some(_), Some(stated)) => identity(lint, section, key, (stated, object)),
+        }
     }
     flags(lint, section, "BaudRate_");
     if lint.eds.device().bitrates.is_empty() {
@@ -43,22 +50,30 @@ fn info(lint: &mut Lint<'_>, section: &Section<'_>) {
     }
 }
 
-/// Checks an identity number, which the identity object repeats.
-fn identity<'t>(lint: &mut Lint<'_>, section: &Section<'t>, key: &'t str, object: Object) {
-    let spot = Spot::key(section, key);
-    if section.value(key).is_none() {
-        lint.warning(spot, "is missing");
-        return;
+/// Checks the identity numbers against the identity object alone.
+pub(super) fn identity_conflicts(lint: &mut Lint<'_>) {
+    let Some(section) = lint.ini.section(Title::Named(Heading::DeviceInfo)) else { return };
+    for (key, object) in IDENTITY {
+        if let Some(stated) = read::unsigned(section, key) {
+            identity(lint, section, key, (stated, object));
+        }
     }
-    let Some(stated) = read::unsigned::<u32>(section, key) else {
-        lint.error(spot, "not a 32-bit number");
-        return;
-    };
+}
+
+/// Checks an identity number, which the identity object repeats.
+fn identity<'t>(
+    lint: &mut Lint<'_>,
+    section: &Section<'t>,
+    key: &'t str,
+    (stated, object): (u32, Object),
+) {
     let default = lint.eds.object(object).and_then(|described| described.number);
     let default = default.map_or(0, |number| number.value);
     if default != 0 && default != stated.into() {
-        let but = format_args!("{stated:08X}h, but the default of {object} is {default:08X}h");
-        lint.warning(spot, but);
+        let but = format_args!(
+            "{stated:08X}h, but the default of {object}, which counts, is {default:08X}h"
+        );
+        lint.warning(Spot::key(section, key), but);
     }
 }
 

@@ -88,23 +88,39 @@ pub(super) fn lint(eds: &Eds) -> Vec<Finding> {
     found
 }
 
-/// First sign that the file ends inside a section: an error in its last one, or its object is not complete.
+/// Numbers of `[DeviceInfo]` that differ from the defaults of the identity object.
+pub(super) fn identity_conflicts(eds: &Eds) -> Vec<Finding> {
+    let ini = Ini::read(&eds.text.text);
+    let mut lint = Lint { eds, ini: &ini, errors: Vec::new(), warnings: Vec::new() };
+    device::identity_conflicts(&mut lint);
+    lint.warnings
+}
+
+/// First sign that the file ends inside a section: an error in its last one, or its last object is not complete and a listed
+/// one has no section. If that object alone is not complete, its maker has miscounted its sub-indices.
 pub(super) fn truncation(eds: &Eds) -> Option<Finding> {
     let ini = Ini::read(&eds.text.text);
     let last = ini.sections().last()?;
-    let (Title::Object(index) | Title::Sub(index, _)) = last.title else {
-        return at_end(eds, last.line, None);
+    let last_object = match last.title {
+        Title::Object(index) | Title::Sub(index, _) => Some(index),
+        Title::Named(_)
+        | Title::Names(_)
+        | Title::Values(_)
+        | Title::Denotations(_)
+        | Title::Links(_)
+        | Title::Other(_) => None,
     };
-    at_end(eds, last.line, Some(Gap::Object(index)))
-}
-
-/// Returns the first error from a line on, or the first with this gap.
-fn at_end(eds: &Eds, line: usize, gap: Option<Gap>) -> Option<Finding> {
+    let findings = lint(eds);
+    let is_lost = |finding: &Finding| match finding.gap {
+        Some(Gap::Object(index)) => ini.section(Title::Object(index)).is_none(),
+        Some(Gap::Count) | None => false,
+    };
+    let is_cut = findings.iter().any(is_lost);
     let is_sign = |finding: &Finding| {
-        let is_at_end = finding.severity == Severity::Error && finding.line >= line;
-        is_at_end || gap.is_some() && finding.gap == gap
+        let is_at_end = finding.severity == Severity::Error && finding.line >= last.line;
+        is_at_end || is_cut && last_object.is_some() && finding.gap == last_object.map(Gap::Object)
     };
-    lint(eds).into_iter().find(is_sign)
+    findings.iter().find(|finding| is_sign(finding)).cloned()
 }
 
 /// Check in progress.

@@ -9,6 +9,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::abort::AbortCode;
+use crate::master::disturbance::MAX_REPEATS;
 use crate::nameplate::position_scale::PositionScale;
 use crate::nameplate::units::{SiUnit, Units};
 use crate::nameplate::{Nameplate, Rating, Ratio};

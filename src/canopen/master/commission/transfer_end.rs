@@ -9,9 +9,8 @@ use crate::frame::Frame;
 use crate::master::boot_error::Problem;
 use crate::master::check::Check;
 use crate::master::commission::fixed_mapping::is_clearing;
-use crate::master::commission::{
-    Boot, BootOutcome, MAX_REPEATS, RETRY_PERIOD, STANDSTILL_TIMEOUT, Wait,
-};
+use crate::master::commission::{Boot, BootOutcome, RETRY_PERIOD, STANDSTILL_TIMEOUT, Wait};
+use crate::master::disturbance::Disturbance;
 use crate::master::steps::{Action, Stage, Step};
 use crate::nameplate::StoredValue;
 use crate::nameplate::units::is_outdated;
@@ -131,9 +130,10 @@ impl Boot {
         };
         let case = (self.answer(action, &check, &outcome), action, self.kind(action, &check));
         let (is_in_time, may_repeat) = (now < self.until, self.may_repeat(check.object));
-        let decision = decide(case, is_in_time, self.takes_disturbance(), may_repeat);
-        let is_repeated = matches!(decision, Decision::RepeatDisturbed);
-        self.repeats = if is_repeated { self.repeats + 1 } else { 0 };
+        let decision = decide(case, is_in_time, self.disturbance.take(), may_repeat);
+        if !matches!(decision, Decision::RepeatDisturbed) {
+            self.disturbance = Disturbance::default();
+        }
         self.carry_out(now, decision, (action, check), outcome, out)
     }
 
@@ -263,12 +263,9 @@ impl Boot {
         outcome: Outcome,
         out: &mut Vec<Frame>,
     ) -> Option<BootOutcome> {
-        let is_disturbed = self.takes_disturbance();
+        let is_disturbed = self.disturbance.take();
         match outcome {
-            Err(_) if is_disturbed => {
-                self.repeats += 1;
-                return self.repeat(now, out);
-            }
+            Err(_) if is_disturbed => return self.repeat(now, out),
             Err(SdoError::Timeout) if !self.retries.is_read_again => {
                 return self.repeat_once(now, out);
             }
@@ -279,13 +276,8 @@ impl Boot {
             // Sign and scale are never assumed: an object that cannot be read is not taken for absent.
             Err(error) => return self.fail(Problem::of_transfer(object, error)),
         }
-        self.repeats = 0;
+        self.disturbance = Disturbance::default();
         self.next_step(now, out)
-    }
-
-    /// Returns whether another client disturbed the transfer, unless it was repeated too often.
-    fn takes_disturbance(&mut self) -> bool {
-        std::mem::take(&mut self.is_disturbed) && self.repeats < MAX_REPEATS
     }
 
     /// Sends the request a second time.

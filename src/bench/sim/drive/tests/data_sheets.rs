@@ -12,6 +12,8 @@ fn drive_of(eds: &[u8], quirks: &[&str]) -> Drive {
         node: node(),
         dictionary: Dictionary::new(&eds, node()),
         actuator: ACTUATOR,
+        encoder: EncoderKind::Absolute,
+        is_prismatic: false,
         latency: Duration::from_micros(60),
         tuning: Tuning::default(),
     };
@@ -194,6 +196,8 @@ fn delivered_polarity_of_80h_is_stored_whole() {
         node: node(),
         dictionary: Dictionary::new(&eds, node()),
         actuator: ACTUATOR,
+        encoder: EncoderKind::Absolute,
+        is_prismatic: false,
         latency: Duration::ZERO,
         tuning: Tuning::default(),
     };

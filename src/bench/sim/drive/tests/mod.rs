@@ -3,7 +3,9 @@
 mod anything;
 mod commands;
 mod data_sheets;
+mod encoder;
 mod faults;
+mod homing;
 mod modes;
 mod stops;
 
@@ -37,15 +39,24 @@ fn node() -> NodeId {
 }
 
 fn drive() -> Drive {
+    drive_with(EncoderKind::Absolute, &[])
+}
+
+/// Returns a drive with this encoder and these quirks.
+fn drive_with(encoder: EncoderKind, quirks: &[&str]) -> Drive {
     let eds = Eds::parse(include_bytes!("../../../../../eds/frhc_drive.eds")).unwrap();
-    Drive::new(DriveSettings {
+    let quirks = Quirks::new(quirks.iter().map(|quirk| quirk.parse().unwrap()));
+    let settings = DriveSettings {
         channel: BUS,
         node: node(),
         dictionary: Dictionary::new(&eds, node()),
         actuator: ACTUATOR,
+        encoder,
+        is_prismatic: false,
         latency: Duration::from_micros(60),
         tuning: Tuning::default(),
-    })
+    };
+    Drive::with(settings, &quirks)
 }
 
 fn plan() -> NodePlan {
@@ -83,8 +94,12 @@ struct Wire {
 
 impl Wire {
     fn new() -> Self {
+        Self::with_drive(drive())
+    }
+
+    fn with_drive(drive: Drive) -> Self {
         Self {
-            drive: drive(),
+            drive,
             motor: MotorReading { temperature: 25.0, ..MotorReading::default() },
             now: Instant::ZERO,
             stage: PowerStage::default(),
@@ -93,9 +108,14 @@ impl Wire {
         }
     }
 
-    /// Boots the drive by the real master.
+    /// Boots a drive without quirks by the real master.
     fn booted() -> Self {
-        let mut wire = Self::new();
+        Self::new().boot()
+    }
+
+    /// Boots the drive by the real master.
+    fn boot(self) -> Self {
+        let mut wire = self;
         let mut master = Master::new(vec![(BUS, plan())]);
         for _ in 0..5_000 {
             let (mut sent, mut event) = (Vec::new(), None);
@@ -177,9 +197,14 @@ impl Wire {
         self.send(Frame::new(0x203, [c0, c1, t0, t1]));
     }
 
-    /// Boots and enables the drive with this target torque.
+    /// Boots and enables a drive without quirks with this target torque.
     fn enabled_with(torque: i16) -> Self {
-        let mut wire = Self::booted();
+        Self::booted().enable(torque)
+    }
+
+    /// Enables the drive with this target torque.
+    fn enable(self, torque: i16) -> Self {
+        let mut wire = self;
         for _ in 0..10 {
             wire.cycle(Goal::OperationEnabled, torque);
         }

@@ -11,7 +11,7 @@ const INCREMENTS: f64 = 16_384.0 * -40.0;
 
 impl Wire {
     /// Runs `ms` cycles in which the motor accelerates.
-    fn run(&mut self, ms: usize, word: Controlword) {
+    pub(super) fn run(&mut self, ms: usize, word: Controlword) {
         for _ in 0..ms {
             let pushed = self.drive.demand() / INERTIA / INCREMENTS * TAU;
             self.motor.velocity += 1e-3 * pushed;
@@ -20,11 +20,11 @@ impl Wire {
         }
     }
 
-    fn signed(&self, object: Object) -> i32 {
+    pub(super) fn signed(&self, object: Object) -> i32 {
         self.drive.dictionary().unsigned(object).cast_signed()
     }
 
-    fn command(&mut self, object: Object, value: i32) {
+    pub(super) fn command(&mut self, object: Object, value: i32) {
         let ([low, high], [b0, b1, b2, b3]) = (object.index.to_le_bytes(), value.to_le_bytes());
         self.send(Frame::new(0x603, [0x23, low, high, object.sub, b0, b1, b2, b3]));
         assert_eq!(self.signed(object), value);

@@ -18,6 +18,7 @@
 
 use std::fmt;
 use std::marker::PhantomData;
+use std::ops::Range;
 
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -77,8 +78,13 @@ impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for Elements<T, N> {
 /// Returns the message of an error, in one line and without names of Rust types. That of a key written twice names the
 /// key.
 pub fn message(text: &str, error: &toml::de::Error) -> String {
-    let message = in_words(error.message().replace('\n', " "));
-    let key = error.span().and_then(|span| text.get(span)).filter(|key| !key.is_empty());
+    one_line(text, error.message(), error.span())
+}
+
+/// As [`message`], of an error of the same parser by another crate: its message, and its place in the text.
+pub fn one_line(text: &str, message: &str, place: Option<Range<usize>>) -> String {
+    let message = in_words(message.replace('\n', " "));
+    let key = place.and_then(|place| text.get(place)).filter(|key| !key.is_empty());
     match key.filter(|_| message == DUPLICATE) {
         Some(key) => format!("{message} `{key}`"),
         None => message,

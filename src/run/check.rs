@@ -129,9 +129,14 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
     if json {
         print::line(&report(&config).to_string());
     } else {
-        lines(file, &config).iter().for_each(|line| print::line(line));
+        show(file, &config);
     }
     Ok(())
+}
+
+/// Prints bus load, joints and findings of a configuration.
+pub fn show(file: &Path, config: &Config) {
+    lines(file, config).iter().for_each(|line| print::line(line));
 }
 
 /// Returns bus load, findings and the drives' timers as one JSON object.

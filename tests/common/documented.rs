@@ -92,7 +92,7 @@ pub(crate) const ROWS: &[Row] = &[
     ),
     row("docs/adr/0028-a-held-torque-is-seen.md", "cargo test", Lane::NotRun(BUILDS)),
     row("docs/bus.md", "frhc plan", Lane::AnyMachine),
-    row("docs/calibration.md", "frhc calib check", Lane::AnyMachine),
+    row("docs/calibration.md", "frhc sim", Lane::AnyMachine),
     row("docs/candump.md", "candump can0", Lane::Vcan(ARMED)),
     row("docs/candump.md", "log2asc", Lane::Vcan(RECORDING)),
     row("docs/candump.md", "frhc export", Lane::AnyMachine),

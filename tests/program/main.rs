@@ -16,6 +16,7 @@ mod bench_tools;
 mod calib;
 mod calib_friction;
 mod calib_table;
+mod config_merge;
 mod dcf;
 mod decode;
 mod documented;

@@ -4,6 +4,7 @@
 pub mod args;
 pub mod calib;
 pub mod campaign;
+pub mod config;
 pub mod decode;
 pub mod explain;
 pub mod export;
@@ -34,6 +35,7 @@ use clap::Subcommand;
 use crate::args::{Robot, Sim};
 use crate::calib::Calib;
 use crate::campaign::Campaign;
+use crate::config::ConfigArgs;
 use crate::decode::Decode;
 use crate::explain::Explain;
 use crate::export::Export;
@@ -96,6 +98,11 @@ pub enum Command {
             frhc calib check --config config/kraft_like.toml"
     )]
     Calib(Calib),
+    /// Changes a configuration file, with its comments, order and format kept.
+    #[command(
+        after_help = "Example:\n  frhc config merge my_arm.toml elbow/torque_curves.toml sweep/friction.toml"
+    )]
+    Config(ConfigArgs),
     /// Lists the nodes on a bus: identity, NMT state, and whether the configuration expects them.
     Scan(Scan),
     /// Reads or writes one object of one node.
@@ -184,6 +191,7 @@ impl Command {
             Self::Plan(args) => plan::run(args),
             Self::Explain(args) => explain::run(args),
             Self::Calib(args) => calib::run(args),
+            Self::Config(args) => config::run(args),
             Self::Scan(args) => scan::run(args),
             Self::Sdo(args) => sdo::run(args),
             Self::Nmt(args) => nmt::run(args),

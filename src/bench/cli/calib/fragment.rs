@@ -28,7 +28,8 @@ pub(super) fn text(session: &Session<'_>) -> String {
             env!("CARGO_PKG_VERSION"),
             session.file
         ),
-        "# Replace the keys of the same names in the [[joint]] of the same name.".to_owned(),
+        "# For the [[joint]] of the same name: frhc config merge MY.toml FILE puts the keys in."
+            .to_owned(),
     ];
     if !session.data.provenance.is_empty() {
         lines.push("#\n# Origin of the measurements:".to_owned());

@@ -14,7 +14,8 @@ const DIGITS: usize = 4;
 pub(super) fn text(files: &[SweepData], joints: &[FrictionResult<'_>]) -> String {
     let mut lines = vec![
         format!("# Friction by frhc {} calib friction.", env!("CARGO_PKG_VERSION")),
-        "# Replace the keys of the same names in the [[joint]] of the same name.".to_owned(),
+        "# For the [[joint]] of the same name: frhc config merge MY.toml FILE puts the keys in."
+            .to_owned(),
         "#\n# Origin of the readings:".to_owned(),
     ];
     for data in files {

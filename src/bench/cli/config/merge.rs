@@ -16,7 +16,7 @@ use config::trust::Trust;
 use config::{Config, Invalid, Problem, encoding, problem};
 use run::check;
 use run::exit::{Failure, Kind, OrFail};
-use run::print;
+use run::{print, results};
 use units::wording::listed;
 
 /// Unchanged lines around each difference.
@@ -33,6 +33,7 @@ pub(super) fn run(args: &Merge) -> Result<(), Failure> {
     refuse_arguments(args, &original)?;
     if args.write {
         of(file, original.ensure_writable())?;
+        results::ensure_writable(original.path())?;
     }
     let base = decoded(file, original.content()).or_fail(Kind::Configuration)?;
     let fragments: Result<Vec<_>, _> = args.fragments.iter().map(|path| read(path)).collect();

@@ -234,6 +234,11 @@ impl<const N: usize> Arm<N> {
         holding
     }
 
+    /// Returns the kind of each joint.
+    pub fn kinds(&self) -> [JointKind; N] {
+        self.links.map(|link| link.kind)
+    }
+
     /// Minimum and maximum position of each joint, in rad or m.
     pub fn ranges(&self) -> [[f64; 2]; N] {
         self.links.map(|link| link.range)

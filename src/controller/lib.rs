@@ -20,6 +20,8 @@
 //! | [`assist`]          | Eq. 8, 9      | return to centre, damping                          |
 //! | [`limits`]          | Eq. 10        | torque capacity of every joint                     |
 //!
+//! [`hold`] is a law beside Fig. 3: it moves the arm by itself, slowly. The node does not use it yet.
+//!
 //! [`stability`] checks the gains before anything moves. While the arm runs, the operator sets scales, locks axes and
 //! aligns the object: [`adjustment`], [`scaling`], `alignment`.
 //!
@@ -55,6 +57,7 @@ pub mod engagement;
 pub mod friction;
 pub mod friction_bound;
 pub mod gains;
+pub mod hold;
 pub mod interpretation;
 pub mod limits;
 mod never_pulls;

@@ -1,45 +1,50 @@
-//! SIGINT and SIGTERM end a command in order; SIGUSR1 and SIGQUIT (Ctrl-\ at a terminal) request a status report.
+//! SIGINT and SIGTERM end a command in order; SIGUSR1 and SIGQUIT (Ctrl-\ at a terminal) request a status report, as SIGQUIT
+//! does in `ping` and SIGUSR1 in `dd`. A read from the terminal would stop a program in the background.
 
 use std::io;
 
 use tokio::signal::unix::{Signal, SignalKind, signal};
 
-/// Waits for SIGINT or SIGTERM and returns its name.
-pub(super) async fn wait_for_stop() -> &'static str {
-    let interrupt = signal(SignalKind::interrupt());
-    let terminate = signal(SignalKind::terminate());
-    let (Ok(mut interrupt), Ok(mut terminate)) = (interrupt, terminate) else {
-        // Without handlers the signals keep their default action and end the process.
-        return std::future::pending().await;
-    };
-    tokio::select! {
-        _ = interrupt.recv() => "SIGINT",
-        _ = terminate.recv() => "SIGTERM",
-    }
+/// What a signal asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Asked {
+    /// An end in order, by the signal of this name.
+    End(&'static str),
+    /// A status report.
+    Report,
 }
 
-/// Signals that request a status report, as SIGQUIT in `ping` and SIGUSR1 in `dd`. A read from the terminal would stop a
-/// program in the background.
+/// Signals to a command that runs until it is ended.
 #[derive(Debug)]
-pub(super) struct StatusSignals {
+pub(super) struct Signals {
+    interrupt: Signal,
+    terminate: Signal,
     user: Signal,
     quit: Signal,
 }
 
-impl StatusSignals {
-    /// Replaces the default action, which ends the process. Needs a Tokio runtime.
+impl Signals {
+    /// Replaces the default action, which ends the process at once. Call it before anything begins that has an end in order.
+    /// Needs a Tokio runtime.
     ///
     /// # Errors
     /// Returns an error if a signal handler cannot be installed.
     pub(super) fn install() -> io::Result<Self> {
-        Ok(Self { user: signal(SignalKind::user_defined1())?, quit: signal(SignalKind::quit())? })
+        Ok(Self {
+            interrupt: signal(SignalKind::interrupt())?,
+            terminate: signal(SignalKind::terminate())?,
+            user: signal(SignalKind::user_defined1())?,
+            quit: signal(SignalKind::quit())?,
+        })
     }
 
-    /// Waits for the next request.
-    pub(super) async fn next(&mut self) {
+    /// Waits for the next signal.
+    pub(super) async fn next(&mut self) -> Asked {
         tokio::select! {
-            _ = self.user.recv() => {}
-            _ = self.quit.recv() => {}
+            _ = self.interrupt.recv() => Asked::End("SIGINT"),
+            _ = self.terminate.recv() => Asked::End("SIGTERM"),
+            _ = self.user.recv() => Asked::Report,
+            _ = self.quit.recv() => Asked::Report,
         }
     }
 }

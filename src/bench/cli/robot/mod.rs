@@ -17,7 +17,7 @@ use anyhow::Context;
 use tokio::sync::mpsc;
 
 use crate::args::Robot;
-use crate::os_signals::{self, StatusSignals};
+use crate::os_signals::{Asked, Signals};
 use crate::robot::clock::Clock;
 use crate::robot::cycle::{Ends, Requests};
 use crate::robot::outlet::{Message, Outlet};
@@ -36,14 +36,14 @@ pub(super) fn run(args: &Robot) -> Result<(), Failure> {
     let robot = simulated(args, &config)?;
     let clock = Clock::start();
     let socket = args.socket.clone().unwrap_or_else(|| commanded_side::socket_of(&config));
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::System)?;
+    // Until here a signal ends the process at once; the node may send one as soon as it is connected.
+    let signals = runtime.block_on(async { Signals::install() });
+    let signals = signals.context("cannot receive signals").or_fail(Kind::System)?;
     let link = FarSocket::open(&socket).or_fail(Kind::Bus)?;
     let sensor = sensor::opened(&config, args.bias, clock.now())?;
     let mut ends = Ends { robot, link, sensor };
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::System)?;
-    // Until here a status signal would end the process.
-    let status_signals = runtime.block_on(async { StatusSignals::install() });
-    let status_signals = status_signals.context("cannot receive signals").or_fail(Kind::System)?;
     log_time::set_clock(move || clock.now());
     let name = config.robot.as_ref().map_or("", |robot| robot.name.as_str());
     tracing::info!(arm = arm(args, &config), socket = %socket.display(), "{name}: holds until a node leads");
@@ -54,7 +54,7 @@ pub(super) fn run(args: &Robot) -> Result<(), Failure> {
         let (ends, requests, period) = (&mut ends, &requests, config.period);
         // The thread owns the outlet, so that its end closes the channel.
         let cycles = threads.spawn(move || cycle::run(ends, clock, period, requests, &outlet));
-        runtime.block_on(serve(status_signals, messages, requests, args));
+        runtime.block_on(serve(signals, messages, requests, args));
         cycles.join()
     });
     print_report(args, &ends.report(clock.now()));
@@ -124,13 +124,11 @@ fn random_session() -> Result<u64, Failure> {
 
 /// Forwards signals, logs and prints, until the robot's thread has ended.
 async fn serve(
-    mut status_signals: StatusSignals,
+    mut signals: Signals,
     mut messages: mpsc::Receiver<Message>,
     requests: &Requests,
     args: &Robot,
 ) {
-    let ended = os_signals::wait_for_stop();
-    tokio::pin!(ended);
     loop {
         tokio::select! {
             message = messages.recv() => match message {
@@ -138,11 +136,14 @@ async fn serve(
                 Some(Message::Report(report)) => print_report(args, &report),
                 None => return,
             },
-            () = status_signals.next() => requests.report(),
-            signal = &mut ended, if !requests.is_stop() => {
-                tracing::info!(signal, "ends");
-                requests.stop();
-            }
+            asked = signals.next() => match asked {
+                Asked::Report => requests.report(),
+                Asked::End(signal) if !requests.is_stop() => {
+                    tracing::info!(signal, "ends");
+                    requests.stop();
+                }
+                Asked::End(_) => {}
+            },
         }
     }
 }

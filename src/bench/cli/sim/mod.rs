@@ -12,7 +12,7 @@ use anyhow::Context;
 use tokio::sync::mpsc;
 
 use crate::args::Sim;
-use crate::os_signals::{self, StatusSignals};
+use crate::os_signals::{Asked, Signals};
 use crate::rig;
 use bus::SocketCan;
 use bus::realtime::{self, Settings};
@@ -43,8 +43,8 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::System)?;
     // Until here a status signal would end the process.
-    let status_signals = runtime.block_on(async { StatusSignals::install() });
-    let status_signals = status_signals.context("cannot receive signals").or_fail(Kind::System)?;
+    let signals = runtime.block_on(async { Signals::install() });
+    let signals = signals.context("cannot receive signals").or_fail(Kind::System)?;
     let bus = SocketCan::open(&names).and_then(SocketCan::with_remote_frames);
     let bus = bus.and_then(SocketCan::with_own_frames);
     let mut bus = bus.or_fail(Kind::Bus)?;
@@ -80,7 +80,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
                 flags.apply(world, &report_sender)
             })
         });
-        runtime.block_on(serve(status_signals, reports, faults, &flags, &narrator, print_report));
+        runtime.block_on(serve(signals, reports, faults, &flags, &narrator, print_report));
         bus_thread.join()
     });
     print_report(&Report::new(&world));
@@ -130,15 +130,13 @@ impl Flags {
 
 /// Forwards signals and prints reports and injected faults, until the bus thread has ended.
 async fn serve(
-    mut status_signals: StatusSignals,
+    mut signals: Signals,
     mut reports: mpsc::Receiver<Report>,
     mut faults: mpsc::UnboundedReceiver<(Instant, Notice)>,
     flags: &Flags,
     narrator: &EventNarrator,
     print_report: impl Fn(&Report),
 ) {
-    let ended = os_signals::wait_for_stop();
-    tokio::pin!(ended);
     loop {
         tokio::select! {
             report = reports.recv() => match report {
@@ -151,11 +149,14 @@ async fn serve(
                     print::note(&narrator.fault(begun, &notice));
                 }
             }
-            () = status_signals.next() => flags.report.store(true, Ordering::Relaxed),
-            signal = &mut ended, if !flags.stop.load(Ordering::Relaxed) => {
-                tracing::info!(signal, "leaving the bus");
-                flags.stop.store(true, Ordering::Relaxed);
-            }
+            asked = signals.next() => match asked {
+                Asked::Report => flags.report.store(true, Ordering::Relaxed),
+                Asked::End(signal) if !flags.stop.load(Ordering::Relaxed) => {
+                    tracing::info!(signal, "leaving the bus");
+                    flags.stop.store(true, Ordering::Relaxed);
+                }
+                Asked::End(_) => {}
+            },
         }
     }
 }

@@ -292,7 +292,8 @@ mod tests {
                 writers.push_frame(at, &telegram);
             }
             writers.push_cycle(&Record { cycle, at: Instant::from_micros(begun), ..*record });
-            if cycle % 5 == 4 {
+            // As often as the recorder thread polls at 1 kHz.
+            if cycle % 10 == 9 {
                 writers.flush();
             }
         }

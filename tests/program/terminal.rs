@@ -34,6 +34,7 @@ const PRINTING: &[&str] = &[
     "explain faults",
     "explain robot config/robots/puma560.toml",
     "explain robot config/robots/puma560.toml --json",
+    "config merge config/kraft_like.toml FRAGMENT",
     "calib fit DATA",
     "calib fit DATA --json",
     "calib friction SWEEP --config config/kraft_like.toml",
@@ -105,11 +106,14 @@ fn printing(test: &str) -> Vec<Vec<String>> {
     let sweep = sweep.to_str().unwrap();
     let swept = frhc(&["sim", "--config", KRAFT, "--calibrate-friction", "elbow", "--out", sweep]);
     assert_eq!(swept.code, 0, "{}", swept.stderr);
+    let fragment = folder.join("fragment.toml");
+    fs::write(&fragment, "[[joint]]\nname = \"elbow\"\ncoulomb_friction_nm = 0.05\n").unwrap();
     let session = folder.join("session");
     let session = session.to_str().unwrap();
     let recorded = frhc(&["-q", "demo", "--seconds", "0.1", "--out", session]);
     assert_eq!(recorded.code, 0, "{}", recorded.stderr);
     let known = [
+        ("FRAGMENT", fragment.to_str().unwrap()),
         ("SESSION", session),
         ("SOCKET", socket.to_str().unwrap()),
         ("FEED", feed.to_str().unwrap()),

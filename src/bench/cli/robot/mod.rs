@@ -38,7 +38,7 @@ pub(super) fn run(args: &Robot) -> Result<(), Failure> {
     let socket = args.socket.clone().unwrap_or_else(|| commanded_side::socket_of(&config));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::System)?;
-    // Until here a signal ends the process at once; the node may send one as soon as it is connected.
+    // Until here a signal ends the process at once: handlers first, then what others can see.
     let signals = runtime.block_on(async { Signals::install() });
     let signals = signals.context("cannot receive signals").or_fail(Kind::System)?;
     let link = FarSocket::open(&socket).or_fail(Kind::Bus)?;

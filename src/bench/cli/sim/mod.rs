@@ -42,7 +42,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::System)?;
-    // Until here a status signal would end the process.
+    // Until here a signal ends the process at once.
     let signals = runtime.block_on(async { Signals::install() });
     let signals = signals.context("cannot receive signals").or_fail(Kind::System)?;
     let bus = SocketCan::open(&names).and_then(SocketCan::with_remote_frames);

@@ -11,7 +11,7 @@ cargo fmt --all -- --check
 cargo fmt --manifest-path lab/Cargo.toml -- --check
 cargo fmt --manifest-path link/Cargo.toml -- --check # clippy: scripts/test.sh, with the build
 cargo clippy --workspace --all-targets --locked -- -D warnings
-cargo clippy --test vcan --test vcan_faults --test network --locked -- -D warnings
+cargo clippy --workspace --test vcan --test vcan_faults --test network --locked -- -D warnings
 cargo clippy --no-default-features --locked -- -D warnings
 cargo clippy --no-default-features --features demo --locked -- -D warnings
 cargo clippy --manifest-path lab/Cargo.toml --target-dir target --all-targets --locked -- -D warnings

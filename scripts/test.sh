@@ -58,9 +58,12 @@ failures() {
   done <"$work/failed"
 }
 
+# of_all COMMAND…: cargo for the whole workspace, always with the same features: otherwise what they change is built again.
+of_all() { cargo test --workspace --features png --locked "$@"; }
+
 # tests_of NAME: the executable of a test target.
 tests_of() {
-  cargo test --locked --test "$1" --no-run --message-format=json 2>/dev/null |
+  of_all --test "$1" --no-run --message-format=json 2>/dev/null |
     sed -n 's/.*"executable":"\([^"]*\/'"$1"'-[0-9a-f]*\)".*/\1/p' | tail -n 1
 }
 
@@ -142,7 +145,7 @@ announce() {
 
 missing=
 announce
-timed "build the tests" cargo test --workspace --locked --no-run
+timed "build the tests" of_all --no-run
 # One processor links the program while the other tests.
 builds() {
   lane "build the program" cargo build --locked --profile dist --features png
@@ -153,14 +156,13 @@ set -m # a group of its own, which ends as a whole
 builds &
 builds=$!
 set +m
-timed "unit tests and tests on the in-memory bus" cargo test --workspace --locked --no-fail-fast || true
+timed "unit tests and tests on the in-memory bus" of_all --no-fail-fast || true
 wait "$builds"
 builds=
 if grep -q "build the program" "$work/failed"; then
   cat "$work/build the program.out" >&2
   exit 1
 fi
-timed "pictures as PNG" cargo test --locked -p frhc-picture --features png
 # Without the tools only the tests on real vcan are left out.
 [[ -z $installs ]] || timed "install tools" scripts/setup.sh tools browser || true
 timed "demo" scripts/test_demo.sh
@@ -170,7 +172,7 @@ missing=$(scripts/setup.sh --missing | paste -sd ' ') || true
 export FRHC_PROGRAM=$PWD/target/dist/frhc
 last=$(($(nproc) - 1))
 if [[ -z $missing ]]; then
-  timed "build the tests on vcan" cargo test --locked --no-run --test vcan --test vcan_faults --test network
+  timed "build the tests on vcan" of_all --no-run --test vcan --test vcan_faults --test network
   { lane "two processes on real vcan" on_vcan 0 vcan; lane "third-party programs on real vcan" interop 0
     lane "drives by their data sheets on real vcan" drives 0
     lane "sessions under load, replayed" replayed 0; } &

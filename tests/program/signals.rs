@@ -191,11 +191,16 @@ fn plot_has_modes_and_curves_of_its_signals() {
     let csv = folder.join("felt.csv");
     assert_eq!(plot(&csv, &["f_s.fx"]).code, 0);
     assert!(fs::read_to_string(&csv).unwrap().starts_with("cycle,time,f_s.fx\n"));
-    for (out, reason) in [
-        ("felt.jpg", ".svg, .png or .csv"),
-        ("felt.png", "this build draws no PNG; give FILE.svg, or build with --features png"),
-        ("felt.svg", "--force"),
-    ] {
+    let png = folder.join("felt.png");
+    let drawn = plot(&png, &["f_s"]);
+    if cfg!(feature = "png") {
+        assert_eq!(drawn.code, 0, "{}", drawn.stderr);
+        assert!(fs::read(&png).unwrap().starts_with(b"\x89PNG"));
+    } else {
+        let reason = "this build draws no PNG; give FILE.svg, or build with --features png";
+        assert!(drawn.code == 2 && drawn.stderr.contains(reason), "{}", drawn.stderr);
+    }
+    for (out, reason) in [("felt.jpg", ".svg, .png or .csv"), ("felt.svg", "--force")] {
         let ended = plot(&folder.join(out), &["f_s"]);
         assert!(ended.code == 2 && ended.stderr.contains(reason), "{}", ended.stderr);
     }

@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn colours_of_the_dark_theme_are_removed() {
-        let text = light(&crate::theme::standalone("<svg class=\"pic\"><path/></svg>"));
+        let text = light(&theme::standalone("<svg class=\"pic\"><path/></svg>"));
         assert!(!text.contains("@media") && text.contains("</style><path/>"), "{text}");
     }
 }

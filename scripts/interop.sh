@@ -22,8 +22,8 @@ scripts/setup.sh tools browser
 python=$PWD/target/interop/venv/bin/python
 
 cargo build --locked --profile dist --features png
-# The contract in Rust, with which the package of python/ is compared: its profile is that of the tests.
-cargo build --locked -p frhc-contract --example contract_ends
+# The contract in Rust, with which the package of python/ is compared: profile and features are those of the tests.
+cargo build --workspace --features png --locked --example contract_ends
 export FRHC=$PWD/target/dist/frhc CONTRACT_ENDS=$PWD/target/debug/examples/contract_ends
 export INTEROP_LOGS=$PWD/target/interop/logs PYTHONDONTWRITEBYTECODE=1
 if [[ -z $part || $part == --bus ]]; then

@@ -86,7 +86,6 @@ pub(super) fn settings(
         damping: damping?,
         assist_fraction: assist_fraction?,
         bounds: bounds?,
-        dry_friction: around.joints?.each_ref().map(|joint| joint.plant.friction.coulomb).into(),
         extensions,
     })
 }

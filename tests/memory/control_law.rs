@@ -172,7 +172,6 @@ proptest! {
                     mode: *mode,
                     gravity_share: *gravity,
                     reflection_share: *reflection,
-                    hold: false,
                     held: None,
                     restart: *restart,
                 };

@@ -39,7 +39,6 @@ fn settings(paper: &Value, interpretation: Interpretation) -> Settings {
         damping: gains(&inputs["K_D_SI"]),
         assist_fraction: AssistFraction::new(number(&inputs["assist_fraction"])).unwrap(),
         bounds: controller::adjustment::Bounds::FIXED,
-        dry_friction: controller::JointVector::zeros(),
         extensions: Extensions::default(),
     }
 }
@@ -67,7 +66,6 @@ fn worked_example(paper: &Value, mode: CommandMode, interpretation: Interpretati
             mode,
             gravity_share: 1.0,
             reflection_share: 1.0,
-            hold: false,
             held: None,
             restart,
         }));
@@ -368,7 +366,6 @@ fn indexing_through_a_large_workspace() {
             mode: CommandMode::Pose,
             gravity_share: 1.0,
             reflection_share: 1.0,
-            hold: false,
             held: None,
             restart: false,
         });

@@ -212,9 +212,7 @@ fn rpdo_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
 /// Returns a motion of the hand that changes the torque of every joint.
 fn hand_turns(at: &Conditions<'_>, begin_s: f64) -> Entry {
     let to_m = match at.situation {
-        Situation::Ready | Situation::Armed | Situation::Zeroed | Situation::Parking => {
-            [0.08, 0.06, 0.05]
-        }
+        Situation::Ready | Situation::Armed | Situation::Zeroed => [0.08, 0.06, 0.05],
         Situation::Free => [0.08, 0.12, 0.05],
         Situation::Contact => [0.06, 0.05, 0.05],
     };

@@ -58,7 +58,7 @@ failures() {
   done <"$work/failed"
 }
 
-# of_all COMMAND…: cargo for the whole workspace, always with the same features: otherwise what they change is built again.
+# of_all ARGUMENT...: `cargo test` of the whole workspace, always with the same features: what they change is built once.
 of_all() { cargo test --workspace --features png --locked "$@"; }
 
 # tests_of NAME: the executable of a test target.

@@ -92,7 +92,7 @@ def decode_is_ten_times_as_fast_as_python_can_with_cantools(_):
     machine.judge(WANTED * times["json"] <= times["written"], times, others)
 
 
-TIMED = [decode_is_ten_times_as_fast_as_python_can_with_cantools]
+TIMED = [machine.tried(decode_is_ten_times_as_fast_as_python_can_with_cantools)]
 
 if __name__ == "__main__":
     count, found = measured(float(sys.argv[1]))

@@ -1,11 +1,29 @@
-"""What other programs take of the processors while something is timed: a time beside them is no measure of ours."""
+"""Whether a time says something of ours: what other programs take of the processors meanwhile, and how fast these compute."""
 
+import functools
 import os
+import time
+import zlib
 from pathlib import Path
 
 TICKS = os.sysconf("SC_CLK_TCK")
 MAX_OTHERS = 0.1
 """Processors that other programs may take beside a time that is judged."""
+MAX_SLOWNESS = 1.5
+"""How many times as long as on the machine of the figures a fixed computation may take beside a time that is judged."""
+REFERENCE_S = 0.057
+"""What it takes on that machine: 2 cores of an Intel processor at 2.1 GHz."""
+COMPUTED = b"".join(number.to_bytes(4, "little") + bytes([number * number % 251, number % 7]) for number in range(100_000))
+
+
+def _slowness():
+    """Returns how many times as long as on the machine of the figures a fixed computation takes, in processor time."""
+    times = []
+    for _ in range(5):
+        begin = time.process_time()
+        zlib.compress(COMPUTED, 9)
+        times.append(time.process_time() - begin)
+    return min(times) / REFERENCE_S
 
 
 def _busy():
@@ -42,20 +60,47 @@ def _own():
 
 
 class Others:
-    """`with` measures what other programs take."""
+    """`with` measures what other programs take, and how slow the processors are before and after."""
 
     def __enter__(self):
+        self.slowness = _slowness()
         self.begin = os.times().elapsed, _busy(), _own()
         return self
 
     def __exit__(self, *_):
         elapsed, busy, own = (end - begin for end, begin in zip((os.times().elapsed, _busy(), _own()), self.begin))
         self.processors = max(0.0, busy - own) / TICKS / elapsed
+        # A host that gives its processors to others besides does not always say so.
+        self.slowness = max(self.slowness, _slowness())
+
+
+class Missed(AssertionError):
+    """A figure in time that is not met."""
+
+
+def tried(test):
+    """Returns the test with up to three tries: a host's own pause lengthens one of them, a slower program of ours all."""
+
+    @functools.wraps(test)
+    def within_three(given):
+        for _ in range(2):
+            try:
+                return test(given)
+            except Missed as missed:
+                print(f"  once more: {missed}", flush=True)
+        return test(given)
+
+    return within_three
 
 
 def judge(is_met, figure, others):
-    """Fails with a figure that is not met, unless other programs took processors meanwhile: then says that it is not judged."""
+    """Fails with a figure that is not met, unless the machine was slow or shared meanwhile: then says that it is not judged."""
     if is_met:
         return
-    assert others.processors > MAX_OTHERS, figure
-    print(f"  NOT JUDGED: {figure}; other programs took {others.processors:.1f} processors", flush=True)
+    if others.processors <= MAX_OTHERS and others.slowness <= MAX_SLOWNESS:
+        raise Missed(figure)
+    print(
+        f"  NOT JUDGED: {figure}; other programs took {others.processors:.1f} processors,"
+        f" and a computation {others.slowness:.1f} times as long as on the machine of the figures",
+        flush=True,
+    )

@@ -15,7 +15,8 @@ def passes(test, surroundings):
         with surroundings(test.__name__) as given:
             test(given)
     except Exception as error:
-        print(f"FAIL interop: {test.__name__}", flush=True)
+        reason = (str(error).splitlines() or [""])[0]
+        print(f"FAIL interop: {test.__name__}: {type(error).__name__}: {reason}", flush=True)
         traceback.print_exc(file=sys.stdout)
         print("\n".join(getattr(error, "frames", [])), flush=True)
         return False

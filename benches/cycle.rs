@@ -105,6 +105,7 @@ fn inputs(config: &Config) -> Vec<Input> {
                 mode: if cycle < 2_000 { CommandMode::Rate } else { CommandMode::Pose },
                 gravity_share: 1.0,
                 reflection_share: 1.0,
+                hold: false,
                 held: None,
                 restart: cycle == 0,
             }

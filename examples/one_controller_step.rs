@@ -27,6 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         mode: CommandMode::Rate,
         gravity_share: 1.0,
         reflection_share: 1.0,
+        hold: false,
         held: None,
         restart: true,
     };

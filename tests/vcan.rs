@@ -18,6 +18,8 @@ mod ends;
 mod far_side;
 #[path = "vcan/link_peer.rs"]
 mod link_peer;
+#[path = "vcan/park.rs"]
+mod park;
 #[path = "vcan/proof.rs"]
 mod proof;
 #[path = "vcan/realtime.rs"]

@@ -86,6 +86,7 @@ pub(super) fn settings(
         damping: damping?,
         assist_fraction: assist_fraction?,
         bounds: bounds?,
+        dry_friction: around.joints?.each_ref().map(|joint| joint.plant.friction.coulomb).into(),
         extensions,
     })
 }

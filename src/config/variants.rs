@@ -2,6 +2,7 @@
 
 use crate::Config;
 use crate::link::RemoteLink;
+use crate::plant::JointPlant;
 use crate::robots::RobotArm;
 use ::remote::site::Virtual;
 use ::robot::accommodation::Accommodation;
@@ -57,6 +58,13 @@ impl Config {
             joint.plant.friction.coulomb *= share;
             joint.plant.friction.viscous *= share;
         }
+        self
+    }
+
+    /// Changes each joint of the simulated arm, base first, and not what the controller knows of it.
+    #[must_use]
+    pub fn with_plant(mut self, change: impl FnMut(&mut JointPlant)) -> Self {
+        self.parameters.joints.iter_mut().map(|joint| &mut joint.plant).for_each(change);
         self
     }
 

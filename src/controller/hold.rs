@@ -6,18 +6,20 @@
 //!  b(q)  = 3 N · lever(q) + 0.4 |g(q)| + 2 f_c
 //! ```
 //!
-//! `g` is gravity compensation, which its owner ramps. `M`, with 0.1 kg at the grip, decouples the joints, so that one frequency
+//! `g` is gravity compensation, which its owner ramps. `M`, with 0.2 kg at the grip, decouples the joints, so that one frequency
 //! ω holds for all of them; it is low enough for the delay of the bus. In the first second nothing moves: the hold takes over
 //! the weight that the description lacks.
 //!
 //! The bound `b` is what the hold may push with: a hand at the grip overcomes it, a wrong mass and dry friction (`f_c`) do not.
-//! Where it is reached the path waits; where it stays so the joint is blocked. A joint that is blocked within the tolerance of
-//! its goal has arrived: it lies in its cradle.
+//! Where it is reached the path waits; where it stays so, or the position stays [the same](standstill) although the joint is
+//! pushed on, the joint is blocked. A joint that is blocked within the tolerance of its goal has arrived: it lies in its cradle.
 //!
-//! When the hold ends, its integral, which is weight that the arm's description lacks, leaves in three seconds with the damping
-//! of the hold: the arm sinks, it does not fall.
+//! When the hold ends, its integral, which is weight that the arm's description lacks, leaves in three seconds. Until its owner lets
+//! the arm go a spring trails each joint, no faster than 0.02 rad/s: the arm sinks, it does not fall. The spring slips where its
+//! torque is at the bound, so a hand that moves the arm is not pulled back.
 
 mod path;
+mod standstill;
 pub mod weight;
 
 use nalgebra::SMatrix;
@@ -25,6 +27,7 @@ use nalgebra::SMatrix;
 use crate::JointVector;
 use crate::arm::JointKind;
 use crate::hold::path::Path;
+use crate::hold::standstill::{Pushed, Standstill};
 use crate::period::Period;
 use units::numbering::Joint;
 use units::spatial::Jacobian;
@@ -37,6 +40,9 @@ const SLOW: [f64; 2] = [5.0_f64.to_radians(), 0.01];
 
 /// Distance from the path at which a joint does not follow it, in rad and m.
 const FOLLOWING: [f64; 2] = [4.0_f64.to_radians(), 0.01];
+
+/// Way of the set point over which a joint moves by at least a count, in rad and m.
+const STOPPED: [f64; 2] = [1.0_f64.to_radians(), 2.5e-3];
 
 /// Distance from the goal at which a joint stands at it, in rad and m.
 const STANDING: [f64; 2] = [0.5_f64.to_radians(), 1e-3];
@@ -54,10 +60,10 @@ const MAX_PHASE: f64 = 0.06;
 const RATE_FILTER: f64 = 1.0;
 
 /// Mass at the grip that the gains allow for, in kg: a light wrist would sink with a tool that nobody has described.
-const ALLOWED_MASS: f64 = 0.1;
+const ALLOWED_MASS: f64 = 0.2;
 
 /// Gain of the integral, as a share of ω³.
-const INTEGRAL: f64 = 0.25;
+const INTEGRAL: f64 = 0.5;
 
 /// Force at the grip with which a hold may push, in N.
 const FORCE: f64 = 3.0;
@@ -71,6 +77,9 @@ const WEIGHT: f64 = 0.4;
 /// Time before a path begins, in which the hold takes over the weight, in s.
 const TAKE_OVER: f64 = 1.0;
 
+/// Speed at which an arm sinks whose hold has ended, in rad/s and m/s.
+const SINKING: [f64; 2] = [0.02, 0.005];
+
 /// Time in which the integral leaves at the end of a hold, in s.
 const LEAVE: f64 = 3.0;
 
@@ -82,6 +91,9 @@ const ARRIVED: f64 = 0.3;
 
 /// Time in which the arm must arrive after the end of its path, in s.
 const SETTLED: f64 = 3.0;
+
+/// The same for an arm that swings within the tolerance, since a torque is at its bound time and again, in s.
+const RESTLESS: f64 = 10.0;
 
 /// Goal of a hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -151,6 +163,15 @@ pub struct Hold {
     qd: JointVector,
     /// Integral that leaves, and the share of it that is left.
     leaving: (JointVector, f64),
+    /// What carries the arm from the end of a motion until it is let go.
+    sinking: Option<Sinking>,
+}
+
+/// Springs that trail a sinking arm.
+#[derive(Clone, Copy, Debug)]
+struct Sinking {
+    /// Where they end, in rad or m; `None` where the arm is.
+    to: Option<JointVector>,
 }
 
 /// Motion along one path.
@@ -163,6 +184,7 @@ struct Motion {
     integral: JointVector,
     /// Time for which each joint is at its bound, in s.
     at_bound: JointVector,
+    standstill: Standstill,
     /// Joints that lie in the cradle.
     lies: [bool; 6],
     /// Time for which the arm stands, and since the end of the path, in s.
@@ -183,6 +205,7 @@ impl Hold {
             motion: None,
             qd: JointVector::zeros(),
             leaving: (JointVector::zeros(), 0.0),
+            sinking: None,
         }
     }
 
@@ -192,9 +215,22 @@ impl Hold {
         self.goal = goal;
     }
 
-    /// Returns whether it has a goal, or weight that still leaves.
+    /// Lets the arm go: weight that still leaves goes on to leave, and nothing else acts.
+    pub const fn let_go(&mut self) {
+        self.sinking = None;
+    }
+
+    /// Ends the motion at once, with all of its torque: where gravity is not compensated nothing is held.
+    pub fn cut(&mut self) {
+        self.motion = None;
+        self.leaving = (JointVector::zeros(), 0.0);
+        self.sinking = None;
+        self.qd = JointVector::zeros();
+    }
+
+    /// Returns whether it has a goal, carries a sinking arm, or has weight that still leaves.
     pub const fn is_active(&self) -> bool {
-        self.goal.is_some() || self.leaving.1 > 0.0
+        self.goal.is_some() || self.sinking.is_some() || self.leaving.1 > 0.0
     }
 
     /// Computes the torques beside gravity compensation, in N·m or N. It moves while `may_move`.
@@ -202,12 +238,16 @@ impl Hold {
         self.qd += (arm.qd - self.qd) / (1.0 + RATE_FILTER);
         let Some(goal) = self.goal.filter(|_| may_move) else {
             self.end();
-            return self.leave(arm);
+            return self.sink(arm);
         };
-        self.leaving.1 = 0.0;
         let mut motion = self.motion.unwrap_or_else(|| self.begin(&goal, &arm.q));
-        let h =
-            if motion.is_over() { self.damped(arm) } else { self.follow(&mut motion, &goal, arm) };
+        self.leaving.1 = 0.0;
+        self.sinking = None;
+        let h = if motion.is_over() {
+            self.bounded(arm, motion.integral, &JointVector::zeros())
+        } else {
+            self.follow(&mut motion, &goal, arm)
+        };
         self.motion = Some(motion);
         h
     }
@@ -228,51 +268,67 @@ impl Hold {
             path: Path::new(*q, goal.q, &speeds, &self.each(SLOW)),
             state: HoldState::Moving,
             before: TAKE_OVER,
-            integral: JointVector::zeros(),
+            // Pressed again within three seconds: the weight is still there.
+            integral: self.leaving.0 * self.leaving.1,
             at_bound: JointVector::zeros(),
+            standstill: Standstill::new(q, q, &JointVector::zeros()),
             lies: [false; 6],
             standing: 0.0,
             since_end: 0.0,
         }
     }
 
-    /// Ends the motion; its integral starts to leave.
+    /// Ends the motion: its integral starts to leave, and the arm to sink.
     fn end(&mut self) {
         if let Some(motion) = self.motion.take() {
-            self.leaving = (motion.integral, 1.0);
+            // Of a joint in motion the integral also overcomes its dry friction, and would push it on.
+            let overcome = self.friction.component_mul(&motion.path.direction());
+            self.leaving = (motion.integral - overcome, 1.0);
+            // A joint that something stops is not pushed on.
+            let is_free = !motion.is_over() && motion.lies == [false; 6] && !motion.is_at_bound();
+            self.sinking = Some(Sinking { to: is_free.then(|| motion.path.position()) });
         }
     }
 
-    /// Returns what is left of the integral, with damping.
-    fn leave(&mut self, arm: &HeldArm<'_>) -> JointVector {
+    /// Returns what is left of the integral, and what lets the arm sink slowly.
+    fn sink(&mut self, arm: &HeldArm<'_>) -> JointVector {
         self.leaving.1 = (self.leaving.1 - self.dt / LEAVE).max(0.0);
         let (integral, left) = self.leaving;
-        if left > 0.0 { self.bounded(arm, integral * left) } else { JointVector::zeros() }
+        if left <= 0.0 && self.sinking.is_none() {
+            return JointVector::zeros();
+        }
+        let to = self.sinking.and_then(|sinking| sinking.to).unwrap_or(arm.q);
+        let stiffness = self.mass(arm).diagonal() * (self.frequency * self.frequency);
+        let slip = self.bound(arm).component_div(&stiffness);
+        let trails = self.each(SINKING) * self.dt;
+        let e = (to - arm.q).zip_map(&slip, |e, slip| e.clamp(-slip, slip));
+        let e = e.zip_map(&trails, |e, trails| e - e.clamp(-trails, trails));
+        if let Some(sinking) = &mut self.sinking {
+            sinking.to = Some(arm.q + e);
+        }
+        self.bounded(arm, integral * left, &e)
     }
 
-    /// Returns the damping of a motion that is over, with its integral.
-    fn damped(&self, arm: &HeldArm<'_>) -> JointVector {
-        let integral = self.motion.map_or_else(JointVector::zeros, |motion| motion.integral);
-        self.bounded(arm, integral)
-    }
-
-    fn bounded(&self, arm: &HeldArm<'_>, integral: JointVector) -> JointVector {
-        let damping = self.mass(arm) * self.qd * (-2.0 * self.frequency);
-        (integral + damping).zip_map(&self.bound(arm), |h, bound| h.clamp(-bound, bound))
+    /// Returns the torques of a spring stretched by `e` and of the damping, with an integral, within their bounds.
+    fn bounded(&self, arm: &HeldArm<'_>, integral: JointVector, e: &JointVector) -> JointVector {
+        let w = self.frequency;
+        let wanted = integral + self.mass(arm) * (e * (w * w) - self.qd * (2.0 * w));
+        wanted.zip_map(&self.bound(arm), |h, bound| h.clamp(-bound, bound))
     }
 
     /// Moves along the path, and returns the torques.
     fn follow(&self, motion: &mut Motion, goal: &HoldGoal, arm: &HeldArm<'_>) -> JointVector {
-        let waits = motion.before > 0.0 || motion.at_bound.amax() > 0.0;
+        let waits = motion.before > 0.0 || motion.is_at_bound();
         let (q_d, qd_d) = motion.path.advance(self.dt, !waits);
         motion.before -= self.dt;
         let mut e = q_d - arm.q;
         let mut ed = qd_d - self.qd;
-        for ((e, ed), (lies, qd)) in
-            e.iter_mut().zip(ed.iter_mut()).zip(motion.lies.iter().zip(self.qd.iter()))
-        {
-            if *lies {
-                (*e, *ed) = (0.0, -qd);
+        for joint in Joint::ALL {
+            let is_stopped = *joint.entry(&motion.standstill.stopped());
+            if is_stopped || *joint.entry(&motion.lies) {
+                // It is not pushed on.
+                set(&mut e, joint, 0.0);
+                set(&mut ed, joint, -of(&self.qd, joint));
             }
         }
         let w = self.frequency;
@@ -294,12 +350,29 @@ impl Hold {
                 *integral = (*integral + more).clamp(-bound, *bound);
             }
         }
-        self.judge(motion, goal, arm, &e);
+        let pushed = Pushed { torque: h, bound, friction: self.friction };
+        if motion.before > 0.0 {
+            // It takes over weight that it does not know.
+            motion.standstill = Standstill::new(&arm.q, &q_d, &h);
+        }
+        motion.standstill.update(&arm.q, &q_d, &pushed, &self.each(STOPPED));
+        let carried = *motion.standstill.torque();
+        for (joint, _) in Joint::each(motion.standstill.stopped()).filter(|(_, stopped)| *stopped) {
+            // What was added since it moved last is none of its weight.
+            set(&mut motion.integral, joint, of(&carried, joint));
+        }
+        self.judge(motion, goal, arm, [&e, &h]);
         h
     }
 
     /// Decides whether a joint is blocked or does not follow, and whether the arm has arrived.
-    fn judge(&self, motion: &mut Motion, goal: &HoldGoal, arm: &HeldArm<'_>, e: &JointVector) {
+    fn judge(
+        &self,
+        motion: &mut Motion,
+        goal: &HoldGoal,
+        arm: &HeldArm<'_>,
+        [e, h]: [&JointVector; 2],
+    ) {
         let limits = self.each(FOLLOWING);
         let Some((joint, share)) = farthest(e, &limits) else { return };
         if share > 1.0 || share.is_nan() {
@@ -307,12 +380,19 @@ impl Hold {
             return;
         }
         let off = (arm.q - goal.q).abs();
-        let is_within = of(&off, joint) <= of(&goal.tolerance, joint);
-        if motion.at_bound.amax() > BLOCKED {
+        let is_near = |joint| of(&off, joint) <= of(&goal.tolerance, joint);
+        let mut stopped = Joint::each(motion.standstill.stopped());
+        if let Some((joint, _)) = stopped.find(|(joint, stopped)| *stopped && !is_near(*joint)) {
+            motion.state = HoldState::Blocked(joint);
+            return;
+        }
+        let mut at_bound = Joint::each(motion.at_bound.iter());
+        if let Some((joint, _)) = at_bound.find(|(_, at_bound)| **at_bound > BLOCKED) {
             motion.at_bound = JointVector::zeros();
-            if is_within {
+            if is_near(joint) {
                 *joint.entry_mut(&mut motion.lies) = true;
-                motion.integral.get_mut(joint.index()).into_iter().for_each(|it| *it = 0.0);
+                // It is pushed as it is, and no more: it lies in a cradle, or its weight is all that the bound carries.
+                set(&mut motion.integral, joint, of(h, joint));
             } else {
                 motion.state = HoldState::Blocked(joint);
             }
@@ -333,7 +413,7 @@ impl Hold {
         motion.standing = if is_slow && is_there { motion.standing + self.dt } else { 0.0 };
         if motion.standing >= ARRIVED {
             motion.state = HoldState::Arrived;
-        } else if is_late && !is_there {
+        } else if is_late && !is_there || motion.since_end > RESTLESS {
             motion.state = HoldState::Blocked(joint);
         }
     }
@@ -365,11 +445,21 @@ impl Motion {
     const fn is_over(&self) -> bool {
         matches!(self.state, HoldState::Blocked(_) | HoldState::NotFollowing(_))
     }
+
+    /// Returns whether a joint needs more torque than its bound.
+    fn is_at_bound(&self) -> bool {
+        self.at_bound.amax() > 0.0
+    }
 }
 
 /// Returns the entry of a joint.
 fn of(all: &JointVector, joint: Joint) -> f64 {
     all.get(joint.index()).copied().unwrap_or(f64::NAN)
+}
+
+/// Sets the entry of a joint.
+fn set(all: &mut JointVector, joint: Joint, value: f64) {
+    all.get_mut(joint.index()).into_iter().for_each(|entry| *entry = value);
 }
 
 /// Returns the joint farthest from its set point, in shares of its limit.
@@ -490,16 +580,45 @@ mod tests {
     #[test]
     fn weight_that_was_carried_leaves_in_three_seconds() {
         let (j_g, mut hold) = (jacobian(), hold(1e-3));
-        let low = arm(&j_g, JointVector::repeat(-0.006), JointVector::zeros());
+        let low = arm(&j_g, JointVector::repeat(-0.0045), JointVector::zeros());
         let high = arm(&j_g, JointVector::zeros(), JointVector::zeros());
         hold.torques(&high, true);
         (0..200).for_each(|_| _ = hold.torques(&low, true));
+        let mut dropped = hold;
+        dropped.cut();
+        assert_eq!(dropped.torques(&low, false), JointVector::zeros());
         let carried = hold.motion.unwrap().integral;
         assert!(carried.min() > 0.1, "{carried}");
+        let mut again = hold;
+        let left = (0..1_500).fold(0.0, |_, _| again.torques(&high, false)[0]);
+        assert!((again.torques(&high, true)[0] - left).abs() < 1e-3, "pressed again");
         let leaves: Vec<_> = (0..3_000).map(|_| hold.torques(&low, false)[0]).collect();
         assert!(leaves.windows(2).all(|pair| pair[1] <= pair[0]), "it only falls");
-        assert!((leaves[0] - carried[0]).abs() < 0.01 * carried[0] + 1e-3);
         assert!((leaves[1_499] - carried[0] / 2.0).abs() < 0.01 * carried[0]);
-        assert!(leaves[2_999].abs() < 1e-9 && !hold.is_active() || hold.goal.is_some());
+        assert!(leaves[2_999].abs() < 1e-9);
+    }
+
+    #[test]
+    fn sinking_arm_is_slowed_down_and_is_not_pulled_back() {
+        let (j_g, mut hold) = (jacobian(), hold(1e-3));
+        let first = |value| JointVector::from_fn(|joint, _| if joint == 0 { value } else { 0.0 });
+        let still = |q| arm(&j_g, first(q), JointVector::zeros());
+        hold.torques(&still(0.0), true);
+        hold.set_goal(None);
+        let sinks = |hold: &mut Hold, cycle: u32, speed: f64| {
+            let q = first(-speed * f64::from(cycle) * 1e-3);
+            hold.torques(&arm(&j_g, q, first(-speed)), false)[0]
+        };
+        let mut slow = hold;
+        let damping = (MASS + 0.05) * 2.0 * 40.0 * 0.015;
+        assert!((0..1_000).all(|cycle| sinks(&mut slow, cycle, 0.015) < 2.0 * damping));
+        let fast = (0..1_000).map(|cycle| sinks(&mut hold, cycle, 0.3)).fold(0.0, f64::max);
+        assert!((fast - bound(0.1)).abs() < 1e-9, "at its bound: {fast}");
+        // Where a hand has moved it, it stays within what the spring is stretched by at its bound.
+        let at = -0.3;
+        (0..900).for_each(|_| _ = hold.torques(&still(at), false));
+        assert!(hold.torques(&still(at), false)[0] < 0.01 * fast, "and lets it be");
+        hold.cut();
+        assert!(!hold.is_active() && hold.torques(&still(at), false) == JointVector::zeros());
     }
 }

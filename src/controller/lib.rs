@@ -20,7 +20,7 @@
 //! | [`assist`]          | Eq. 8, 9      | return to centre, damping                          |
 //! | [`limits`]          | Eq. 10        | torque capacity of every joint                     |
 //!
-//! [`hold`] is a law beside Fig. 3: it moves the arm by itself, slowly. The node does not use it yet.
+//! [`hold`] is a law beside Fig. 3: it moves the arm by itself, slowly.
 //!
 //! [`stability`] checks the gains before anything moves. While the arm runs, the operator sets scales, locks axes and
 //! aligns the object: [`adjustment`], [`scaling`], `alignment`.

@@ -7,6 +7,7 @@ use thiserror::Error;
 use crate::JointVector;
 use crate::adjustment::AdjustmentState;
 use crate::command::Gate;
+use crate::hold::HoldOutput;
 use crate::port::PortOutput;
 use crate::reference::{Displacement, Reference};
 use crate::switches::{CommandMode, Permissions, Switches};
@@ -51,6 +52,8 @@ pub struct Input {
     pub gravity_share: f64,
     /// Share of task and assist to reflect, 0 to 1; ramped by the caller.
     pub reflection_share: f64,
+    /// True while the hold may move the arm.
+    pub hold: bool,
     /// Targets that the drives hold since the last cycle; `None` if they equal its output.
     pub held: Option<DriveTargets>,
     /// First cycle, or first after a gap: differences to earlier cycles are invalid.
@@ -96,6 +99,8 @@ pub struct Output {
     pub f_g_damping: Wrench,
     /// Jacobian of {G}, written in {G}.
     pub j_g: Jacobian<6>,
+    /// State of the hold; `None` without a goal.
+    pub hold: Option<HoldOutput>,
     /// Contributions to every joint torque.
     pub ledger: Ledger,
     /// Commanded joint torques (Eq. 10), in N·m or N.
@@ -124,6 +129,8 @@ pub struct Ledger {
     pub soft_stops: JointVector,
     /// Friction compensation, scaled by the engagement ramp.
     pub friction: JointVector,
+    /// Torques of the hold, which are not scaled.
+    pub hold: JointVector,
     /// Self-driven joint, for which friction compensation is withdrawn until the next arming.
     #[serde(skip)]
     pub self_driven: Option<Joint>,
@@ -152,6 +159,7 @@ impl Ledger {
             passivity: none,
             soft_stops: none,
             friction: none,
+            hold: none,
             self_driven: None,
             assist_scale: 1.0,
             rest_scale: 1.0,

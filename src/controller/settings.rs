@@ -1,5 +1,6 @@
 //! Parameters of the law: the paper's parts, and the extensions beside them.
 
+use crate::JointVector;
 use crate::adjustment::Bounds;
 use crate::arm::Arm;
 use crate::assist::ContactFade;
@@ -42,6 +43,8 @@ pub struct Settings {
     pub assist_fraction: AssistFraction,
     /// Bounds of the operator's adjustments.
     pub bounds: Bounds,
+    /// Dry friction of each joint as described, in N·m or N.
+    pub dry_friction: JointVector,
     /// Extensions that are not in the paper.
     pub extensions: Extensions,
 }

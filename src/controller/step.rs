@@ -11,6 +11,8 @@ use crate::arm::Posture;
 use crate::assist::{self, Damping};
 use crate::command::Gate;
 use crate::contact_stiffness::ContactStiffness;
+use crate::hold::weight::{self, TooHeavy};
+use crate::hold::{Hold, HoldGoal};
 use crate::interpretation::{Centring, ReflectionFrame};
 use crate::limits::Limits;
 use crate::port::{Port, PortOutput, Storage};
@@ -40,6 +42,7 @@ pub struct Controller {
     port: Port,
     contact: ContactStiffness,
     scaling: Scaling,
+    hold: Hold,
     /// Alignment in progress.
     alignment: Option<Alignment>,
     /// Sensed wrench of the last cycle, at {MRF}.
@@ -86,8 +89,16 @@ struct Touch {
 impl Controller {
     /// Creates a controller without a reference, with reflection off.
     pub fn new(settings: &Settings) -> Self {
-        let Settings { interpretation, period, calibration, assist_fraction, extensions, .. } =
-            *settings;
+        let Settings {
+            interpretation,
+            period,
+            arm,
+            calibration,
+            assist_fraction,
+            dry_friction,
+            extensions,
+            ..
+        } = *settings;
         Self {
             settings: *settings,
             layers: extensions,
@@ -101,6 +112,7 @@ impl Controller {
             port: Port::new(period, &extensions),
             contact: ContactStiffness::default(),
             scaling: Scaling::new(period),
+            hold: Hold::new(period, arm.kinds(), dry_friction),
             alignment: None,
             f_m_sensed: Wrench::ZERO,
             last: (JointVector::zeros(), [PerMille(0); 6]),
@@ -113,6 +125,24 @@ impl Controller {
     /// Converts actual positions (6064h) to joint positions, in rad or m.
     pub fn positions(&self, counts: &[Counts; 6]) -> JointVector {
         self.settings.calibration.positions(counts)
+    }
+
+    /// Sets the goal to which the hold moves the arm, or none.
+    pub fn set_hold(&mut self, goal: Option<HoldGoal>) {
+        self.hold.set_goal(goal);
+    }
+
+    /// Lets an arm go that a hold has moved: its damping ends.
+    pub const fn let_go(&mut self) {
+        self.hold.let_go();
+    }
+
+    /// Checks that the actuators can carry the arm on the straight way from `from` to `to`, in rad or m.
+    ///
+    /// # Errors
+    /// Returns the actuator with the greatest load beyond its capacity.
+    pub fn check_way(&self, from: &JointVector, to: &JointVector) -> Result<(), TooHeavy> {
+        weight::check(&self.settings.arm, &self.settings.calibration, [from, to])
     }
 
     /// Computes one cycle (Fig. 3).
@@ -158,6 +188,7 @@ impl Controller {
 
         let grip = GripWrenches { port, f_g_centring, f_g_damping, ramp };
         let request = self.torques(&given, &permissions, &arm, &grip); // Eq. 7, 3.3
+        let request = self.held(request, input, &arm);
         let (tau, ledger, broken) = self.limit(request, input.held); // Eq. 10
         let targets = calibration.targets(&tau); // Fig. 6
 
@@ -183,6 +214,7 @@ impl Controller {
             f_g_centring,
             f_g_damping,
             j_g: arm.j_g,
+            hold: self.hold.output(q),
             ledger,
             tau,
             targets,
@@ -343,6 +375,7 @@ mod tests {
             // The paper scales gravity with the assist.
             assist_fraction: AssistFraction::new(1.0).unwrap(),
             bounds: Bounds::FIXED,
+            dry_friction: JointVector::zeros(),
             extensions: Extensions::default(),
         })
     }
@@ -357,6 +390,7 @@ mod tests {
             mode: CommandMode::Rate,
             gravity_share,
             reflection_share: 0.3,
+            hold: false,
             held: None,
             restart: true,
         }

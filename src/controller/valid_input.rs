@@ -83,6 +83,7 @@ mod tests {
             mode: CommandMode::Rate,
             gravity_share: 0.5,
             reflection_share: 0.25,
+            hold: false,
             held: None,
             restart: false,
         }

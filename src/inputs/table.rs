@@ -32,6 +32,7 @@ tags! {
     STOP = 0x0A;
     ADJUST = 0x0B;
     ZERO = 0x0C;
+    PARK = 0x0D;
     RETURNED = 0x10;
     INTERMEDIATES = 0x11;
     NOW_AGAIN = 0x20;

@@ -180,6 +180,7 @@ impl<W: Write> InputWriter<W> {
             Call::Request(Request::Command(CommandMode::Pose)) => table::COMMAND_POSE,
             Call::Request(Request::Adjust(_)) => table::ADJUST,
             Call::Request(Request::Zero(_)) => table::ZERO,
+            Call::Request(Request::Park) => table::PARK,
             Call::Cycle => table::CYCLE,
             Call::Stop => table::STOP,
         });

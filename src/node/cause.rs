@@ -109,6 +109,20 @@ macro_rules! causes {
     };
 }
 
+impl CauseKind {
+    /// Returns whether it is about commands or the commanded side, which do not matter while nothing is commanded or felt.
+    pub(crate) const fn is_of_commanded_side(self) -> bool {
+        matches!(
+            self,
+            Self::LinkLost
+                | Self::FarSideHolds
+                | Self::LinkSlow
+                | Self::ModelDiffers
+                | Self::GripperInputInvalid
+        )
+    }
+}
+
 /// Adds the names of the joints with which the text of a cause begins, and each part of it behind a semicolon; `names` are
 /// base first.
 pub fn with_name(text: &str, names: &[impl AsRef<str>]) -> String {
@@ -299,6 +313,17 @@ causes! {
         description "deadman closed for too long without motion of the grip",
         message ("deadman tied down: closed for too long without motion"),
         reaction armed(ReflectionOff, &[39]);
+    NotFollowing { joint: Joint, position: JointReading }
+        description "joint not where the hold moves it",
+        message (
+            "joint {joint}: at {position}, away from the path on which the arm moves itself: a hand holds it or pushes it, or its \
+             drive turns the other way"
+        ),
+        reaction armed(ReflectionOff, &[52]);
+    Blocked { joint: Joint, position: JointReading }
+        description "joint blocked while the hold moves it",
+        message ("joint {joint}: blocked at {position}, where it needs more torque than the arm may move itself with"),
+        reaction armed(ReflectionOff, &[52]);
     GripperInputInvalid { counts: i16, closed: i16, open: i16 }
         description "input of the gripper outside its range, or its two inputs contradict each other",
         message (

@@ -3,11 +3,13 @@
 use crate::newest_remote_sample::NewestRemoteSample;
 use crate::operator::OperatorMonitors;
 use crate::permit::Permit;
-use crate::record::RefusedPress;
+use crate::record::{Mode, RefusedPress};
 use config::Config;
 use controller::adjustment::{AdjustmentError, AdjustmentState};
+use controller::hold::HoldGoal;
+use controller::hold::weight::TooHeavy;
 use controller::switches::CommandMode;
-use controller::{Controller, DriveTargets, Input, Output};
+use controller::{Controller, DriveTargets, Input, JointVector, Output};
 use units::adjustment::Adjustment;
 use units::drive::{Counts, PerMille};
 
@@ -18,6 +20,7 @@ pub(super) struct Control {
     pub(super) command_mode: CommandMode,
     /// Targets that the drives hold since the last cycle.
     held: DriveTargets,
+    has_goal: bool,
 }
 
 impl Control {
@@ -27,6 +30,7 @@ impl Control {
             controller: Controller::new(&config.controller),
             command_mode: config.command_mode,
             held: DriveTargets::Sent([PerMille(0); 6]),
+            has_goal: false,
         }
     }
 
@@ -48,6 +52,7 @@ impl Control {
             mode: self.command_mode,
             gravity_share: permit.gravity_share,
             reflection_share: permit.reflection_share,
+            hold: permit.hold,
             held: Some(self.held),
             restart,
         }
@@ -56,6 +61,20 @@ impl Control {
     /// Keeps the targets that the drives hold from this cycle on.
     pub(super) const fn set_held(&mut self, held: DriveTargets) {
         self.held = held;
+    }
+
+    /// Sets the goal to which the hold moves the arm, or none.
+    pub(super) fn set_hold(&mut self, goal: Option<HoldGoal>) {
+        self.has_goal = goal.is_some();
+        self.controller.set_hold(goal);
+    }
+
+    /// Checks that the actuators can carry the arm on the way from `from` to `to`, in rad or m.
+    ///
+    /// # Errors
+    /// Returns the actuator with the greatest load beyond its capacity.
+    pub(super) fn check_way(&self, from: &JointVector, to: &JointVector) -> Result<(), TooHeavy> {
+        self.controller.check_way(from, to)
     }
 
     /// Takes a change of scales, locks or alignment.
@@ -83,8 +102,14 @@ impl Control {
         self.adjust(adjustment).map_err(|refused| RefusedPress { adjustment, refused })
     }
 
-    /// Computes one step.
-    pub(super) fn step(&mut self, input: &Input) -> Output {
+    /// Computes one step. A hold ends with its mode; its damping stays in the stop that carries the arm.
+    pub(super) fn step(&mut self, mode: Mode, input: &Input) -> Output {
+        if self.has_goal && mode != Mode::Measuring {
+            self.set_hold(None);
+        }
+        if !matches!(mode, Mode::Measuring | Mode::ReflectionOff) {
+            self.controller.let_go();
+        }
         self.controller.step(input)
     }
 }

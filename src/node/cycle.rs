@@ -14,6 +14,7 @@
 
 use crate::Node;
 use crate::cause::Cause;
+use crate::park;
 use crate::permit::Permit;
 use crate::plausibility::Weight;
 use crate::power::may_apply_torque;
@@ -48,7 +49,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let refused_press = self.press_buttons();
         let permit = self.safety.advance(now, self.operator.is_held());
         let input = self.input(&permit, due.skipped);
-        let output = self.control.step(&input);
+        let output = self.control.step(permit.mode, &input);
         self.watch_step(now, &permit, &input, &output);
 
         let targets = self.command_drives(sync_at, &permit, &output);
@@ -114,9 +115,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Watches the controller, the operator, the arm, and the samples against the model.
     fn watch_step(&mut self, now: Instant, permit: &Permit, input: &Input, output: &Output) {
         let controller = output.invalid_value.as_ref().and_then(causes::of_controller);
+        let held = park::cause(output, self.rest.kinds());
         let fresh = self.samples.fresh();
         let operator = self.operator.check(now, permit, output, input.restart, &fresh);
         let weight = match permit.gravity_share {
+            // A joint that something blocks is no frozen encoder.
+            _ if permit.hold => Weight::TakenOver,
             1.0.. => Weight::Carried,
             _ if permit.gravity_ramps_up => Weight::TakenOver,
             _ => Weight::NotCarried,
@@ -127,7 +131,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let beyond = self.operator.check_limit(permit, samples);
         self.zeros.verify(now, &output.q);
         let unknown = self.unknown_zero();
-        self.raise(now, [controller, operator, beyond, samples, unknown]);
+        self.raise(now, [controller, operator, beyond, samples, held, unknown]);
     }
 
     /// Keeps off a drive that does not take its targets, or whose torque does not follow the zero torque of a stop. This

@@ -42,6 +42,7 @@ mod mode_check;
 mod network;
 mod newest_remote_sample;
 pub mod operator;
+mod park;
 pub mod permit;
 mod plausibility;
 mod power;
@@ -73,6 +74,7 @@ pub mod zero;
 
 pub use bring_up::BringUpError;
 pub use mode_check::WrongMode;
+pub use park::ParkError;
 pub use request::{Request, RequestError, Unfit};
 pub use rest::NotAtRest;
 pub use shut_down::PowerOffError;

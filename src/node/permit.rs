@@ -13,6 +13,8 @@ pub struct Permit {
     pub gravity_ramps_up: bool,
     /// Share of reflection, centring and damping, 0 to 1.
     pub reflection_share: f64,
+    /// True while the hold may move the arm.
+    pub hold: bool,
     /// True while commands are sent and reflection acts.
     pub engaged: bool,
     /// True while the drives must be enabled.

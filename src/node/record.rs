@@ -38,11 +38,13 @@ pub enum Mode {
     ZeroTorque,
     /// S3, or the orderly stop: the drives are off until a reset.
     DrivesOff,
+    /// Gravity compensation, and while the deadman is held the hold moves the arm. Last, so that recorded numbers keep their meaning.
+    Measuring,
 }
 
 impl Mode {
     /// All modes, in the order of the mode graph.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Boot,
         Self::Ready,
         Self::Armed,
@@ -50,12 +52,13 @@ impl Mode {
         Self::ReflectionOff,
         Self::ZeroTorque,
         Self::DrivesOff,
+        Self::Measuring,
     ];
 
     /// Returns whether only a reset ends this mode.
     pub const fn is_latched(self) -> bool {
         match self {
-            Self::Boot | Self::Ready | Self::Armed | Self::Engaged => false,
+            Self::Boot | Self::Ready | Self::Armed | Self::Engaged | Self::Measuring => false,
             Self::ReflectionOff | Self::ZeroTorque | Self::DrivesOff => true,
         }
     }
@@ -68,12 +71,12 @@ impl Mode {
     /// Returns whether torques other than zero may be sent.
     pub const fn allows_torque(self) -> bool {
         match self {
-            Self::Armed | Self::Engaged | Self::ReflectionOff => true,
+            Self::Armed | Self::Engaged | Self::ReflectionOff | Self::Measuring => true,
             Self::Boot | Self::Ready | Self::ZeroTorque | Self::DrivesOff => false,
         }
     }
 
-    /// Returns its number, in the order of the mode graph: 0 to 6.
+    /// Returns its number, 0 to 7.
     pub const fn code(self) -> u8 {
         match self {
             Self::Boot => 0,
@@ -83,6 +86,7 @@ impl Mode {
             Self::ReflectionOff => 4,
             Self::ZeroTorque => 5,
             Self::DrivesOff => 6,
+            Self::Measuring => 7,
         }
     }
 
@@ -96,6 +100,7 @@ impl Mode {
             Self::ReflectionOff => "reflection-off",
             Self::ZeroTorque => "zero-torque",
             Self::DrivesOff => "drives-off",
+            Self::Measuring => "measuring",
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use crate::park::ParkError;
 use crate::record::Mode;
 use crate::rest::NotAtRest;
 use crate::safety::Refusal;
@@ -30,6 +31,8 @@ pub enum Request {
     Reset,
     /// Set the zero of a joint and of all tied to it, or of all joints, by the rest posture in which the arm lies.
     Zero(Option<Joint>),
+    /// Let the hold bring the arm to its rest posture while the deadman is held.
+    Park,
     /// Command rates or poses. The reference is set again, so the command does not jump.
     Command(CommandMode),
     /// Change a scale, lock an axis, or align the object.
@@ -41,7 +44,7 @@ impl Request {
     pub const fn may_boot(self) -> bool {
         match self {
             Self::Reset | Self::Zero(_) => true,
-            Self::Arm | Self::Disarm | Self::Command(_) | Self::Adjust(_) => false,
+            Self::Arm | Self::Disarm | Self::Park | Self::Command(_) | Self::Adjust(_) => false,
         }
     }
 }
@@ -58,6 +61,9 @@ pub enum RequestError {
     /// Zeros cannot be set now.
     #[error(transparent)]
     Zero(#[from] ZeroError),
+    /// The arm cannot be parked.
+    #[error(transparent)]
+    Park(#[from] ParkError),
     /// The adjustment is out of bounds, or not possible now.
     #[error(transparent)]
     Adjustment(#[from] AdjustmentError),
@@ -113,6 +119,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             Request::Disarm => self.safety.disarm(),
             Request::Reset => self.reset(now, give_up)?,
             Request::Zero(joint) => self.set_zero(now, joint, give_up)?,
+            Request::Park => self.park(now)?,
             Request::Command(mode) => self.set_command_mode(mode)?,
             Request::Adjust(adjustment) => self.control.adjust(adjustment)?,
         }

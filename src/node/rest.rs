@@ -11,6 +11,7 @@ use config::Config;
 use config::rest::Rest;
 use controller::JointVector;
 use controller::arm::JointKind;
+use controller::hold::HoldGoal;
 use units::numbering::Joint;
 use units::wording::in_one_line;
 
@@ -52,6 +53,11 @@ impl RestPosture {
             kinds: joints.map(|joint| joint.plant.link.kind),
             is_confirmed: [false; 6],
         }
+    }
+
+    /// Returns the kind of each joint.
+    pub(super) const fn kinds(&self) -> &[JointKind; 6] {
+        &self.kinds
     }
 
     /// Requires the posture again, before the network boots.
@@ -110,6 +116,24 @@ impl RestPosture {
         without
             .map(|(_, ((name, kind), q))| format!("{name} {}", JointReading::new(*q, *kind)))
             .collect()
+    }
+
+    /// Returns the rest posture as the goal of a hold at `speed`, a share of the maximum speed.
+    ///
+    /// # Errors
+    /// Returns the joints without a rest position.
+    pub(super) fn goal(&self, names: &[String; 6], speed: f64) -> Result<HoldGoal, Vec<String>> {
+        let without = self.rests.iter().zip(names).filter(|(rest, _)| rest.is_none());
+        let without: Vec<_> = without.map(|(_, name)| name.clone()).collect();
+        if !without.is_empty() {
+            return Err(without);
+        }
+        let each = |of: fn(&Rest) -> f64| self.rests.map(|rest| rest.as_ref().map_or(0.0, of));
+        Ok(HoldGoal {
+            q: each(Rest::position).into(),
+            tolerance: each(Rest::tolerance).into(),
+            speed,
+        })
     }
 
     /// Requires the posture no more until the next boot: the arm was armed in it.

@@ -1,5 +1,6 @@
 //! `frhc ctl`: sends one request to a running node and prints the response.
 
+mod park;
 mod table;
 mod waiting;
 mod zero;
@@ -99,6 +100,11 @@ pub enum CtlRequest {
         #[arg(long, conflicts_with = "joint")]
         show: bool,
     },
+    /// Lets an armed arm move itself to its rest posture, slowly, while the deadman is held.
+    #[command(
+        after_help = "Example:\n  frhc ctl park && frhc ctl disarm\n\nShows the way of each joint, and waits for the deadman. Released, the deadman stops the arm, which\nstays carried; pressed again it goes on. Ctrl-C ends this command, not the motion. With --json the\nrequest is answered at once, and `ctl status --json` has its progress as `hold`."
+    )]
+    Park,
     /// Selects rate or position (pose) control.
     #[command(after_help = "Example:\n  frhc ctl mode pose")]
     Mode {
@@ -154,6 +160,9 @@ pub fn run(args: &Ctl) -> Result<(), Failure> {
     let command = command(&args.request, &node)?;
     let line = node.request_at_rest(command, args.wait)?;
     let answer = granted(&line, args.json)?;
+    if matches!(args.request, CtlRequest::Park) && !args.json {
+        return park::watch(&node);
+    }
     let text = |key| answer.get(key).and_then(Value::as_str);
     if let (CtlRequest::Zero { show, .. }, false) = (&args.request, args.json) {
         let status = if *show { answer } else { node.status()? };
@@ -242,6 +251,7 @@ fn command(request: &CtlRequest, node: &Connection) -> Result<ConsoleCommand, Fa
         CtlRequest::Arm => return Ok(ConsoleCommand::Arm),
         CtlRequest::Disarm => return Ok(ConsoleCommand::Disarm),
         CtlRequest::Reset => return Ok(ConsoleCommand::Reset),
+        CtlRequest::Park => return Ok(ConsoleCommand::Park),
         CtlRequest::Mode { mode: CommandMode::Rate } => return Ok(ConsoleCommand::Rate),
         CtlRequest::Mode { mode: CommandMode::Pose } => return Ok(ConsoleCommand::Pose),
         CtlRequest::Scale { quantity, factor } => format!("scale {quantity} {factor}"),

@@ -321,7 +321,7 @@ mod tests {
             (&json!("zero-torque"), &json!([1, 3, 4]))
         );
         let budget = document["status"]["budget"].as_object().unwrap();
-        let torques = "task gravity centring damping passivity soft_stops friction";
+        let torques = "task gravity centring damping passivity soft_stops friction hold";
         let rest = "assist_scale rest_scale limiting_joint slewing_joint";
         assert_eq!(
             budget.keys().map(String::as_str).collect::<Vec<_>>().join(" "),

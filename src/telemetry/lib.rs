@@ -13,6 +13,7 @@ pub mod digits;
 pub mod feed;
 pub mod fidelity;
 pub mod gripper_status;
+pub mod hold_status;
 pub mod link_report;
 pub mod losses;
 pub mod manifest;

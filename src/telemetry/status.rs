@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::gripper_status::GripperStatus;
+use crate::hold_status::HoldStatus;
 use crate::link_report::LinkReport;
 use crate::losses::Losses;
 use crate::recording::RecordingReport;
@@ -72,6 +73,9 @@ pub struct Status {
     pub targets: [i16; 6],
     /// Components of these torques.
     pub budget: Ledger,
+    /// Motion of the arm by itself; `None` unless measuring.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hold: Option<HoldStatus>,
     /// Reflected wrench at the grip: force in N, moment in N·m.
     pub f_g_task: [f64; 6],
     /// Position of the object in its base, in m.
@@ -205,6 +209,7 @@ impl Status {
             tau: record.output.tau.into(),
             targets: record.targets,
             budget: record.output.ledger,
+            hold: record.output.hold.as_ref().map(HoldStatus::new),
             f_g_task: record.output.f_g_task.components(),
             p_b_m: [p_b_m.x, p_b_m.y, p_b_m.z],
             model: record.model.map(ModelDifference::new),

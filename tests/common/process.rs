@@ -320,6 +320,16 @@ impl Scratch {
             .env_remove("RUNTIME_DIRECTORY")
     }
 
+    /// Runs `frhc ctl`; returns exit code, and standard output and error.
+    pub(crate) fn ctl_and_text(&self, request: &str) -> (i32, String) {
+        let words: Vec<&str> = std::iter::once("ctl").chain(request.split(' ')).collect();
+        let (process, mut stdout) = self.frhc_and_stdout(&words);
+        let mut text = String::new();
+        stdout.read_to_string(&mut text).unwrap();
+        let outcome = process.wait();
+        (outcome.code.unwrap(), format!("{text}{}", outcome.stderr))
+    }
+
     pub(crate) fn ctl(&self, request: &str) -> Outcome {
         let words: Vec<&str> = std::iter::once("ctl").chain(request.split(' ')).collect();
         self.frhc(&words).wait()

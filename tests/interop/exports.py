@@ -308,10 +308,10 @@ def torques_are_the_sum_of_their_budget(_):
     for message in file.topics["/frhc/torques"]:
         torques = message.decoded
         part = {name: numpy.array(torques[name]) for name in
-                ("tau", "task", "gravity", "centring", "damping", "passivity", "soft_stops", "friction")}
+                ("tau", "task", "gravity", "centring", "damping", "passivity", "soft_stops", "friction", "hold")}
         assist = (part["centring"] + part["damping"]) * torques["assist_scale"]
         rest = part["task"] + part["passivity"] + part["soft_stops"] + part["friction"] + assist
-        total = part["gravity"] + rest * torques["rest_scale"] * torques["share"]
+        total = part["gravity"] + part["hold"] + rest * torques["rest_scale"] * torques["share"]
         if "slewing_joint" not in torques:
             worst = max(worst, numpy.abs(total - part["tau"]).max())
     assert worst < 1e-9, f"{worst} N·m"

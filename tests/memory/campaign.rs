@@ -241,7 +241,7 @@ fn hazard_13_every_lost_rpdo_of_a_moving_arm_is_seen() {
     let (mut engaged, mut without_timer) = (0, 0);
     for verdict in verdicts.iter().filter(|verdict| verdict.kind == "RPDO lost") {
         let case = case(verdict);
-        if case.situation.is_engaged() {
+        if Situation::ENGAGED.contains(&case.situation) {
             assert!(verdict.observed.detected.is_some(), "{verdict:?}");
             engaged += 1;
             without_timer += usize::from(case.injection.cut_off.is_some());

@@ -172,6 +172,7 @@ proptest! {
                     mode: *mode,
                     gravity_share: *gravity,
                     reflection_share: *reflection,
+                    hold: false,
                     held: None,
                     restart: *restart,
                 };

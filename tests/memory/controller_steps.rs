@@ -72,6 +72,7 @@ pub(crate) fn settings() -> Settings {
         damping: gains([8.0, 8.0, 8.0, 0.02, 0.02, 0.02]),
         assist_fraction: AssistFraction::new(0.35).unwrap(),
         bounds: controller::adjustment::Bounds::FIXED,
+        dry_friction: JointVector::zeros(),
         extensions: Extensions::default(),
     }
 }
@@ -165,6 +166,7 @@ impl Bench {
                 mode,
                 gravity_share: 1.0,
                 reflection_share: 1.0,
+                hold: false,
                 held: None,
                 restart: true,
             },

@@ -42,6 +42,7 @@ mod gain_sets;
 mod golden;
 mod gripper;
 mod held_torque;
+mod hold;
 mod homing;
 mod hostile_link;
 mod late_torques;

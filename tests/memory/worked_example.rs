@@ -39,6 +39,7 @@ fn settings(paper: &Value, interpretation: Interpretation) -> Settings {
         damping: gains(&inputs["K_D_SI"]),
         assist_fraction: AssistFraction::new(number(&inputs["assist_fraction"])).unwrap(),
         bounds: controller::adjustment::Bounds::FIXED,
+        dry_friction: controller::JointVector::zeros(),
         extensions: Extensions::default(),
     }
 }
@@ -66,6 +67,7 @@ fn worked_example(paper: &Value, mode: CommandMode, interpretation: Interpretati
             mode,
             gravity_share: 1.0,
             reflection_share: 1.0,
+            hold: false,
             held: None,
             restart,
         }));
@@ -366,6 +368,7 @@ fn indexing_through_a_large_workspace() {
             mode: CommandMode::Pose,
             gravity_share: 1.0,
             reflection_share: 1.0,
+            hold: false,
             held: None,
             restart: false,
         });

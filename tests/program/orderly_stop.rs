@@ -14,10 +14,20 @@ const MOVES: &str = "seconds = 5\n[[console]]\nat_s = 0.05\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.1\ndeadman = true\n\
     [[move]]\nat_s = 0.15\nduration_s = 0.3\nto_m = [0.04, 0.0, 0.0]\n";
 
-/// Returns a bench with that scenario, booted.
-fn moving() -> (Bench<Wire>, Wire) {
+/// The operator moves the armed arm, and lets it park.
+const PARKS: &str = "seconds = 5\n[[console]]\nat_s = 0.05\nrequest = \"arm\"\n\
+    [[move]]\nat_s = 0.15\nduration_s = 0.8\nto_m = [0.04, 0.0, 0.0]\n\
+    [[console]]\nat_s = 1.2\nrequest = \"park\"\n\
+    [[switch]]\nat_s = 1.3\ndeadman = true\n[[hold]]\nat_s = 1.4\nholding = false\n";
+
+/// Returns a bench with a scenario, booted.
+fn follows(text: &str) -> (Bench<Wire>, Wire) {
     let wire = Wire::default();
-    (started(&config(KRAFT), script(MOVES), wire.clone()), wire)
+    (started(&config(KRAFT), script(text), wire.clone()), wire)
+}
+
+fn moving() -> (Bench<Wire>, Wire) {
+    follows(MOVES)
 }
 
 /// Returns whether the frame has target torques: RPDO1 of a group of three drives.
@@ -70,9 +80,14 @@ fn every_drive_is_off(bench: &Bench<Wire>) {
 #[test]
 fn hazard_30_stop_is_orderly_within_a_second_from_every_mode() {
     for mode in Mode::ALL.into_iter().filter(|mode| *mode != Mode::Boot) {
-        let (mut bench, wire) = moving();
+        let (mut bench, wire) = follows(if mode == Mode::Measuring { PARKS } else { MOVES });
         match mode {
             Mode::Boot | Mode::Ready => {}
+            Mode::Measuring => {
+                let moves =
+                    |record: &Record| record.output.hold.is_some_and(|hold| hold.done > 0.1);
+                until(&mut bench, moves);
+            }
             Mode::Armed | Mode::Engaged => {
                 until(&mut bench, |record| record.mode == mode);
             }

@@ -3,7 +3,7 @@
 /// Number, subject and promised reaction or figure.
 pub(crate) type Claim = (u8, &'static str, &'static str);
 
-pub(crate) const HAZARDS: [Claim; 51] = [
+pub(crate) const HAZARDS: [Claim; 52] = [
     (
         1,
         "A drive loses its power or its cable",
@@ -201,6 +201,11 @@ pub(crate) const HAZARDS: [Claim; 51] = [
         "The zero of a joint was never set, or is lost",
         "no torque before it is known, a lost one refuses arming; lost under torque, zero torque within 2 cycles; a homing moves no \
          joint by more than 1° and no drive exerts more than 50 ‰",
+    ),
+    (
+        52,
+        "The arm moves itself against a person or a thing, with a wrong sign, or on after the deadman is released",
+        "3 N at the grip, 40 % of the described weight and twice the friction at most; blocked for 0.3 s or 4° (10 mm) off the way, reflection ends and the arm stays carried; released, the motion ends in the next cycle, and the arm sinks by at most 0.1 rad/s",
     ),
 ];
 

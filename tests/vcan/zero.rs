@@ -10,19 +10,9 @@ fn positions(status: &Value) -> Vec<Option<f64>> {
     status["status"]["q"].as_array().unwrap().iter().map(Value::as_f64).collect()
 }
 
-/// Runs `frhc ctl`; returns exit code, and standard output and error.
-fn ctl(scratch: &Scratch, words: &str) -> (i32, String) {
-    let words: Vec<&str> = std::iter::once("ctl").chain(words.split(' ')).collect();
-    let (process, mut stdout) = scratch.frhc_and_stdout(&words);
-    let mut text = String::new();
-    stdout.read_to_string(&mut text).unwrap();
-    let outcome = process.wait();
-    (outcome.code.unwrap(), format!("{text}{}", outcome.stderr))
-}
-
 /// Runs `frhc ctl`, which must succeed.
 fn succeeds(scratch: &Scratch, words: &str) {
-    let (code, text) = ctl(scratch, words);
+    let (code, text) = scratch.ctl_and_text(words);
     assert_eq!(code, 0, "{words}: {text}");
 }
 
@@ -37,14 +27,14 @@ fn hazard_51_incremental_drives_are_zeroed_after_each_power_up() {
     let sim = scratch.frhc(&["sim", "--config", &config, "--scenario", &still]);
     let run = scratch.frhc(&["run", "--config", &config]);
     let status = |words: &str| -> Value {
-        let (code, text) = ctl(&scratch, &format!("{words} --json"));
+        let (code, text) = scratch.ctl_and_text(&format!("{words} --json"));
         assert_eq!(code, 0, "{text}");
         serde_json::from_str(&text).unwrap()
     };
     let unknown = status("--wait status");
     assert_eq!(positions(&unknown), [None; 6], "{unknown:#}");
     assert_eq!(unknown["status"]["zero_unknown"].as_array().unwrap().len(), 6);
-    let (code, refused) = ctl(&scratch, "arm");
+    let (code, refused) = scratch.ctl_and_text("arm");
     assert_eq!(code, 1);
     assert!(
         refused.contains(
@@ -53,9 +43,9 @@ fn hazard_51_incremental_drives_are_zeroed_after_each_power_up() {
         ),
         "{refused}"
     );
-    let (code, shown) = ctl(&scratch, "zero --show");
+    let (code, shown) = scratch.ctl_and_text("zero --show");
     assert!(code == 0 && shown.contains("now   unknown; 95.00° after ctl zero"), "{shown}");
-    let (code, set) = ctl(&scratch, "--wait zero");
+    let (code, set) = scratch.ctl_and_text("--wait zero");
     assert!(code == 0 && set.contains("elbow            zero known, at 95.0"), "{set}");
     succeeds(&scratch, "arm");
     let known = positions(&status("status"));
@@ -67,7 +57,7 @@ fn hazard_51_incremental_drives_are_zeroed_after_each_power_up() {
     let stopped = candump.mark().nanos;
     candump.until(|line| line.nanos > stopped + 500_000_000);
     succeeds(&scratch, "reset");
-    let (code, refused) = ctl(&scratch, "arm");
+    let (code, refused) = scratch.ctl_and_text("arm");
     assert!(code == 1 && refused.contains("joint 3 (elbow): zero unknown: "), "{refused}");
     succeeds(&scratch, "--wait zero");
     succeeds(&scratch, "arm");
@@ -114,9 +104,9 @@ fn hazard_51_homing_ended_by_sigkill_leaves_its_drive_off() {
         assert_ne!(word & 0x6F, 0x27, "drive {node} is on: {text}");
     }
     let run = scratch.frhc(&["run", "--config", &config]);
-    ctl(&scratch, "--wait status");
+    scratch.ctl_and_text("--wait status");
     succeeds(&scratch, "reset");
-    let (code, refused) = ctl(&scratch, "arm");
+    let (code, refused) = scratch.ctl_and_text("arm");
     assert!(code == 1 && refused.contains("joint 1 (azimuth): zero unknown: "), "{refused}");
     succeeds(&scratch, "--wait zero");
     succeeds(&scratch, "arm");

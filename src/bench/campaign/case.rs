@@ -41,7 +41,7 @@ impl Case {
         let kind = catalogue::kind_of(number)?;
         let mut random = Random::new(seed, number);
         let config = catalogue::round_of(number)?.checked_rem(configs.len())?;
-        let situation = *random.one_of(kind.situations)?;
+        let situation = random.one_of(kind.situations)?.possible(configs.get(config)?);
         let onset_s = situation.reached_s() + random.within(0.005, SPREAD_S);
         let onset =
             Duration::from_micros(Duration::from_secs_f64(onset_s).as_micros().try_into().ok()?);

@@ -139,6 +139,11 @@ pub const EXPECTATIONS: &[Expectation] = &[
         Cycles(2),
         &[(CauseKind::ZeroUnknown, ZeroTorque), (CauseKind::HomingFailed, DrivesOff)],
     ),
+    row(
+        52,
+        Unstated,
+        &[(CauseKind::NotFollowing, ReflectionOff), (CauseKind::Blocked, ReflectionOff)],
+    ),
 ];
 
 const fn row(hazard: u8, limit: Limit, reactions: &'static [(CauseKind, EndState)]) -> Expectation {
@@ -188,7 +193,7 @@ impl EndState {
     /// Returns the state of the drives in a latched mode.
     pub(super) const fn from_mode(mode: Mode) -> Option<Self> {
         match mode {
-            Mode::Boot | Mode::Ready | Mode::Armed | Mode::Engaged => None,
+            Mode::Boot | Mode::Ready | Mode::Armed | Mode::Engaged | Mode::Measuring => None,
             Mode::ReflectionOff => Some(ReflectionOff),
             Mode::ZeroTorque => Some(ZeroTorque),
             Mode::DrivesOff => Some(DrivesOff),

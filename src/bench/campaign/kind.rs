@@ -75,7 +75,17 @@ pub(super) const fn armed(
     CaseKind { name, hazard, causes, situations: &[Situation::Armed], injection }
 }
 
-/// Creates a kind that is injected while the deadman is pressed.
+/// Creates a kind that is injected while the arm moves itself.
+pub(super) const fn parking(
+    hazard: u8,
+    name: &'static str,
+    causes: &'static [CauseKind],
+    injection: MakeInjection,
+) -> CaseKind {
+    CaseKind { name, hazard, causes, situations: &[Situation::Parking], injection }
+}
+
+/// Creates a kind that is injected while the grip commands.
 pub(super) const fn engaged(
     hazard: u8,
     name: &'static str,

@@ -19,7 +19,7 @@
 //! | `random`       | random joints, durations, bytes                                  |
 //! | `rpdo_loss`    | torque that a drive without its RPDOs holds                      |
 //! | `run`          | all cases, on every core                                         |
-//! | `situation`    | ready, armed, zeros set, free motion, in contact                 |
+//! | `situation`    | ready, armed, zeros set, parking, free motion, in contact        |
 //! | `soak`         | long runs with lost samples and without a fault                  |
 //! | `stage`        | a bench, booted and brought into a situation                     |
 //! | `table`        | the figures by kind, as text                                     |

@@ -214,12 +214,12 @@ fn grip<S: InputSink + Clone>(bench: &Bench<Monitor, S>) -> Vector3<f64> {
     bench.node().bus().stations().plant().x_0_g().translation.vector
 }
 
-/// Returns whether more than the arm's weight acts on a joint.
+/// Returns whether more than the arm's weight, as described and as held, acts on a joint.
 fn is_reflecting(config: &Config, record: &Record) -> bool {
     if record.targets == [0; 6] {
         return false;
     }
-    let rest = record.output.tau - record.output.ledger.gravity;
+    let rest = record.output.tau - record.output.ledger.gravity - record.output.ledger.hold;
     let mut joints = rest.iter().zip(&config.joints);
     joints.any(|(torque, joint)| torque.abs() > MIN_FELT * joint.plant.actuator.max_torque)
 }

@@ -1,9 +1,10 @@
-//! Situation at the onset of a fault: ready, armed (also after zeros were set), moving freely, or pressing against a wall.
+//! Situation at the onset of a fault: ready, armed (also after zeros were set), parking, moving freely, or pressing against a wall.
 
 use derive_more::Display;
 use serde::Serialize;
 
-use sim::scenario::operator::{Console, Move, Switch};
+use config::Config;
+use sim::scenario::operator::{Console, Hold, Move, Switch};
 use sim::scenario::{ConsoleRequest, Entry};
 
 /// Situation of the operator at the onset.
@@ -19,6 +20,9 @@ pub enum Situation {
     /// The same, after a person has set the zeros of drives that lost theirs with the power.
     #[display("armed, zeros set")]
     Zeroed,
+    /// Deadman pressed, and nobody at the grip: the arm moves itself to its rest posture.
+    #[display("parking")]
+    Parking,
     /// Deadman pressed; the hand moves the object freely.
     #[display("free motion")]
     Free,
@@ -29,12 +33,13 @@ pub enum Situation {
 
 impl Situation {
     /// Situations, each closer to contact than the one before.
-    pub const ALL: [Self; 5] = [Self::Ready, Self::Armed, Self::Zeroed, Self::Free, Self::Contact];
+    pub const ALL: [Self; 6] =
+        [Self::Ready, Self::Armed, Self::Zeroed, Self::Parking, Self::Free, Self::Contact];
 
     /// Situations with gravity compensation.
-    pub const ARMED: [Self; 3] = [Self::Armed, Self::Free, Self::Contact];
+    pub const ARMED: [Self; 4] = [Self::Armed, Self::Parking, Self::Free, Self::Contact];
 
-    /// Situations with the deadman pressed.
+    /// Situations in which the grip commands.
     pub const ENGAGED: [Self; 2] = [Self::Free, Self::Contact];
 
     /// Returns the index in [`ALL`](Self::ALL).
@@ -43,11 +48,17 @@ impl Situation {
     }
 
     /// Returns whether the deadman is pressed.
-    pub const fn is_engaged(self) -> bool {
+    pub const fn is_pressed(self) -> bool {
         match self {
             Self::Ready | Self::Armed | Self::Zeroed => false,
-            Self::Free | Self::Contact => true,
+            Self::Parking | Self::Free | Self::Contact => true,
         }
+    }
+
+    /// Returns the situation, or that of an armed arm where this configuration states no rest posture to park in.
+    pub(super) fn possible(self, config: &Config) -> Self {
+        let has_rest = config.joints.iter().all(|joint| joint.rest.is_some());
+        if self == Self::Parking && !has_rest { Self::Armed } else { self }
     }
 
     /// Returns the time at which the situation is reached, in s after the first SYNC.
@@ -56,6 +67,7 @@ impl Situation {
             Self::Ready => 0.3,
             Self::Armed | Self::Free => 1.3,
             Self::Zeroed => 2.8,
+            Self::Parking => 3.6,
             Self::Contact => 5.0,
         }
     }
@@ -63,7 +75,7 @@ impl Situation {
     /// Returns the time from which the hand rests, in s after the first SYNC.
     pub(super) const fn rests_s(self) -> f64 {
         match self {
-            Self::Ready | Self::Armed | Self::Zeroed => 0.0,
+            Self::Ready | Self::Armed | Self::Zeroed | Self::Parking => 0.0,
             Self::Free => 1.9,
             Self::Contact => 2.0,
         }
@@ -81,6 +93,12 @@ impl Situation {
                 entries =
                     vec![request(1.4, ConsoleRequest::Zero), request(1.5, ConsoleRequest::Arm)];
             }
+            Self::Parking => entries.extend([
+                Entry::Move(Move::new(1.2, 1.0, [0.04, 0.06, 0.05]).turning([0.1, 0.2, -0.1])),
+                request(2.4, ConsoleRequest::Park),
+                Entry::Switch(Switch::deadman(2.5, true)),
+                Entry::Hold(Hold::new(2.6, false)),
+            ]),
             Self::Free => {
                 entries.extend(engage([0.3, 0.4, 0.45, 0.5, 0.55]));
                 entries.push(Entry::Move(Move::new(0.6, 1.3, [0.0, 0.05, 0.0])));

@@ -91,6 +91,7 @@ pub(super) fn bring_to<S: InputSink + Clone>(
     let is_there = match situation {
         Situation::Ready => mode == Mode::Ready,
         Situation::Armed | Situation::Zeroed => mode == Mode::Armed,
+        Situation::Parking => mode == Mode::Measuring,
         Situation::Free => mode == Mode::Engaged,
         Situation::Contact => mode == Mode::Engaged && force > MIN_CONTACT,
     };
@@ -135,7 +136,10 @@ pub(super) fn make<S: InputSink + Clone>(bench: &mut Bench<Monitor, S>, request:
     let mode = bench.ask(request).ok();
     let now = bench.now();
     let answer = match (request, mode) {
-        (_, None) | (Request::Command(_) | Request::Adjust(_) | Request::Zero(_), _) => return,
+        (_, None)
+        | (Request::Command(_) | Request::Adjust(_) | Request::Zero(_) | Request::Park, _) => {
+            return;
+        }
         (Request::Arm, Some(_)) => Answer::Armed,
         (Request::Reset, Some(Mode::Armed)) => Answer::ResetToArmed,
         (Request::Disarm | Request::Reset, Some(_)) => Answer::Disarmed,
@@ -149,7 +153,7 @@ pub(super) fn report_mode<S: InputSink + Clone>(bench: &mut Bench<Monitor, S>, m
     let mode = match mode {
         Mode::ZeroTorque | Mode::DrivesOff => monitor::mode_class::ModeClass::Stopped,
         Mode::Engaged => monitor::mode_class::ModeClass::Engaged,
-        Mode::Boot | Mode::Ready | Mode::Armed | Mode::ReflectionOff => {
+        Mode::Boot | Mode::Ready | Mode::Armed | Mode::ReflectionOff | Mode::Measuring => {
             monitor::mode_class::ModeClass::Other
         }
     };

@@ -101,10 +101,13 @@ impl Diagnostics {
         let level = match cycle.mode {
             Mode::ZeroTorque | Mode::DrivesOff => Level::Error,
             Mode::ReflectionOff => Level::Warn,
-            Mode::Boot | Mode::Ready | Mode::Armed | Mode::Engaged if has_new_overruns => {
-                Level::Warn
+            Mode::Boot | Mode::Ready | Mode::Armed | Mode::Engaged | Mode::Measuring => {
+                if has_new_overruns {
+                    Level::Warn
+                } else {
+                    Level::Ok
+                }
             }
-            Mode::Boot | Mode::Ready | Mode::Armed | Mode::Engaged => Level::Ok,
         };
         let message = cause.unwrap_or_else(|| cycle.mode.name().to_owned());
         status(level, "node".to_owned(), message, values)

@@ -122,6 +122,8 @@ pub(crate) struct Torques {
     #[serde(skip_serializing_if = "Option::is_none")]
     friction: Option<[f64; 6]>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    hold: Option<[f64; 6]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     assist_scale: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     rest_scale: Option<f64>,
@@ -151,6 +153,7 @@ impl Torques {
             passivity: finite(&ledger.passivity),
             soft_stops: finite(&ledger.soft_stops),
             friction: finite(&ledger.friction),
+            hold: finite(&ledger.hold),
             assist_scale: scale(ledger.assist_scale),
             rest_scale: scale(ledger.rest_scale),
             share: scale(ledger.share),

@@ -114,7 +114,7 @@ impl<R: BufRead> InputReader<R> {
     fn entry(&mut self) -> Result<Input, ReadError> {
         let tag = self.byte()?;
         match tag {
-            table::NEW..=table::ZERO => self.call(tag).map(Input::Call),
+            table::NEW..=table::PARK => self.call(tag).map(Input::Call),
             table::RETURNED => Ok(Input::Returned(u32::from_le_bytes(self.bytes()?))),
             table::INTERMEDIATES => {
                 let cycle = self.varint()?;
@@ -143,6 +143,7 @@ impl<R: BufRead> InputReader<R> {
             table::RESET => Call::Request(Request::Reset),
             table::COMMAND_RATE => Call::Request(Request::Command(CommandMode::Rate)),
             table::COMMAND_POSE => Call::Request(Request::Command(CommandMode::Pose)),
+            table::PARK => Call::Request(Request::Park),
             table::CYCLE => Call::Cycle,
             table::STOP => Call::Stop,
             table::ZERO => Call::Request(Request::Zero(match self.byte()? {
@@ -436,6 +437,7 @@ mod tests {
             Just(Call::Request(Request::Arm)),
             Just(Call::Request(Request::Disarm)),
             Just(Call::Request(Request::Zero(None))),
+            Just(Call::Request(Request::Park)),
             Just(Call::Request(Request::Zero(Some(Joint::of::<6>())))),
             Just(Call::Request(Request::Reset)),
             Just(Call::Request(Request::Command(CommandMode::Rate))),

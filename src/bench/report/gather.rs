@@ -17,8 +17,8 @@ use units::time::Instant;
 const PROGRESS: u64 = 2_000;
 
 /// Components of the ledger, in the order of [`ledger`].
-pub(crate) const LEDGER: [&str; 7] =
-    ["task", "gravity", "centring", "damping", "passivity", "friction", "soft stops"];
+pub(crate) const LEDGER: [&str; 8] =
+    ["task", "gravity", "centring", "damping", "passivity", "friction", "soft stops", "hold"];
 
 /// Source of cycles.
 pub(crate) trait Source {
@@ -234,8 +234,9 @@ impl SessionData {
 
 /// Returns the torques of each joint after another, in the order of [`LEDGER`].
 fn ledger(ledger: &Ledger) -> Vec<f64> {
-    let Ledger { task, gravity, centring, damping, passivity, friction, soft_stops, .. } = ledger;
-    let parts = [task, gravity, centring, damping, passivity, friction, soft_stops];
+    let Ledger { task, gravity, centring, damping, passivity, friction, soft_stops, hold, .. } =
+        ledger;
+    let parts = [task, gravity, centring, damping, passivity, friction, soft_stops, hold];
     let parts = parts.map(|part| <[f64; 6]>::from(*part));
     (0..6)
         .flat_map(|joint| parts.map(|part| part.get(joint).copied().unwrap_or(f64::NAN)))

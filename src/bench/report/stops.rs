@@ -119,7 +119,9 @@ pub(crate) fn state(mode: &str) -> &'static str {
             "zero torque (S2): all torques are zero, and the drives are off 100 ms later"
         }
         Some(Mode::DrivesOff) => "drives off (S3): all torques are zero, and voltage is disabled",
-        Some(Mode::Boot | Mode::Ready | Mode::Armed | Mode::Engaged) | None => "not stopped",
+        Some(Mode::Boot | Mode::Ready | Mode::Armed | Mode::Engaged | Mode::Measuring) | None => {
+            "not stopped"
+        }
     }
 }
 

@@ -207,6 +207,13 @@ const QUANTITIES: &[Quantity] = &[
         "torque of the soft stops",
     ),
     (
+        "hold",
+        "",
+        Replay,
+        Joints(Torque, |cycle| Some(ledger(cycle)?.hold.into())),
+        "torque of the hold, by which the arm moves itself",
+    ),
+    (
         "friction",
         "",
         Replay,

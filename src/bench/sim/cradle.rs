@@ -19,17 +19,19 @@ pub struct Cradle {
     /// Torques that carry the supported joints at rest, in N·m (N); zero for joints that the cradle does not support.
     weight: Joints,
     is_left: bool,
+    /// Stays in its place when the arm has left it.
+    is_fixed: bool,
 }
 
 impl Cradle {
     /// Creates an absent cradle, which exerts no torque.
     pub fn none() -> Self {
-        Self { rest: Joints::zeros(), weight: Joints::zeros(), is_left: true }
+        Self { rest: Joints::zeros(), weight: Joints::zeros(), is_left: true, is_fixed: false }
     }
 
     /// Creates a cradle at `rest`, in rad (m), for joints that need these torques there, in N·m (N).
     pub const fn new(rest: Joints, weight: Joints) -> Self {
-        Self { rest, weight, is_left: false }
+        Self { rest, weight, is_left: false, is_fixed: false }
     }
 
     /// Returns the rest positions of a cradle that supports any joint, in rad (m).
@@ -42,6 +44,12 @@ impl Cradle {
         self.is_left
     }
 
+    /// Returns the same cradle that stays in its place, where an arm may return to it, with other rest positions, in rad (m).
+    #[must_use]
+    pub const fn fixed(self, rest: Joints) -> Self {
+        Self { rest, is_fixed: true, is_left: false, ..self }
+    }
+
     /// Supports the arm again, which was laid down.
     pub const fn renew(&mut self) {
         self.is_left = false;
@@ -49,7 +57,7 @@ impl Cradle {
 
     /// Returns the torques on the joints at `q`, in rad (m), moving at `qd`, in N·m (N). `is_pushed` while drives push.
     pub fn step(&mut self, is_pushed: bool, q: &Joints, qd: &Joints) -> Joints {
-        self.is_left |= is_pushed;
+        self.is_left |= is_pushed && !self.is_fixed;
         if self.is_left {
             return Joints::zeros();
         }

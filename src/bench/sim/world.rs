@@ -157,6 +157,11 @@ impl<M: Motor, I: Inputs> World<M, I> {
         Self { tick: AHEAD, ..self }
     }
 
+    /// Puts the cradle to other rest positions, in rad (m), where it stays when the arm leaves it.
+    pub fn fix_cradle(&mut self, rest: Joints) {
+        self.cradle = self.cradle.fixed(rest);
+    }
+
     /// Rests the arm in a cradle until the drives carry it.
     #[must_use]
     pub fn resting(self, cradle: Cradle) -> Self {

@@ -361,6 +361,7 @@ fn request(asked: ConsoleRequest) -> Request {
         ConsoleRequest::Disarm => Request::Disarm,
         ConsoleRequest::Reset => Request::Reset,
         ConsoleRequest::Zero => Request::Zero(None),
+        ConsoleRequest::Park => Request::Park,
         ConsoleRequest::Rate => Request::Command(CommandMode::Rate),
         ConsoleRequest::Pose => Request::Command(CommandMode::Pose),
         ConsoleRequest::Adjust(adjustment) => Request::Adjust(adjustment),

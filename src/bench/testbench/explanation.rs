@@ -93,6 +93,7 @@ fn run(posed: &CycleInputs) -> Output {
                 mode: posed.mode,
                 gravity_share: 1.0,
                 reflection_share: 1.0,
+                hold: false,
                 held: None,
                 restart,
             },

@@ -72,6 +72,12 @@ impl<const N: usize> Path<N> {
         self.from + (self.to - self.from) * self.done()
     }
 
+    /// Returns the sign of each joint's rate; zero while the path stands.
+    pub(super) fn direction(&self) -> SVector<f64, N> {
+        let is_moving = self.rate > 0.0;
+        (self.to - self.from).map(|way| if is_moving && way != 0.0 { way.signum() } else { 0.0 })
+    }
+
     /// Returns whether the path has ended.
     pub(super) fn is_at_end(&self) -> bool {
         self.at >= self.seconds
@@ -134,8 +140,13 @@ mod tests {
 
     #[test]
     fn path_without_a_way_has_ended() {
-        let mut path = path([0.0, 0.0]);
+        let path = path([0.0, 0.0]);
         assert!(path.is_at_end() && path.done() >= 1.0);
+        assert_eq!(path.direction(), SVector::<f64, 2>::zeros());
+        let mut path = self::path([0.5, -0.1]);
+        path.advance(DT, true);
+        assert_eq!(path.direction(), SVector::from([1.0, -1.0]));
+        let mut path = self::path([0.0, 0.0]);
         assert_eq!(path.advance(DT, true), (SVector::zeros(), SVector::zeros()));
     }
 }

@@ -3,12 +3,13 @@
 use crate::booking::PortTorques;
 use crate::friction::FrictionCompensation;
 use crate::friction_bound::GripLoad;
+use crate::hold::HeldArm;
 use crate::interpretation::Weight;
 use crate::limits::{LimitedTorques, Slew, TorqueRequest};
 use crate::step::{ArmState, Controller, GripWrenches, permitted};
 use crate::switches::Permissions;
 use crate::valid_input::ValidInput;
-use crate::{DriveTargets, InvalidValue, JointVector, Ledger};
+use crate::{DriveTargets, Input, InvalidValue, JointVector, Ledger};
 use units::numbering::Joint;
 use units::spatial::Wrench;
 
@@ -85,6 +86,24 @@ impl Controller {
         self.layers.friction.as_ref().and_then(FrictionCompensation::self_driven)
     }
 
+    /// Adds the torques of the hold to a request. Without gravity compensation there are none.
+    pub(super) fn held(&mut self, request: Ledger, input: &Input, arm: &ArmState) -> Ledger {
+        if input.gravity_share <= 0.0 {
+            self.hold.cut();
+        }
+        if !self.hold.is_active() || input.gravity_share <= 0.0 {
+            return request;
+        }
+        let arm = HeldArm {
+            q: arm.q,
+            qd: arm.qd,
+            mass: self.settings.arm.mass_matrix(&arm.posture),
+            gravity: self.gravity(arm),
+            j_g: &arm.j_g,
+        };
+        Ledger { hold: self.hold.torques(&arm, input.hold) * input.gravity_share, ..request }
+    }
+
     /// Limits the requested torques to the actuators' capacities and rates of change.
     pub(super) fn limit(
         &mut self,
@@ -97,7 +116,7 @@ impl Controller {
         let coupling = self.settings.calibration.coupling();
         let port = request.task + request.passivity;
         let torques = TorqueRequest {
-            gravity: coupling.at_actuators(&request.gravity),
+            gravity: coupling.at_actuators(&carried(&request)),
             task: coupling.at_actuators(&(port + request.soft_stops + request.friction)),
             assist: coupling.at_actuators(&(request.centring + request.damping)),
         };
@@ -121,4 +140,11 @@ impl Controller {
         let ledger = Ledger { assist_scale, rest_scale, limiting_joint, slewing_joint, ..request };
         (tau, ledger, broken)
     }
+}
+
+/// Returns the torques that are not scaled: gravity compensation, and the hold in its motion.
+fn carried(request: &Ledger) -> JointVector {
+    // A sum with zeros would lose the sign of a zero, and sessions are compared bit by bit.
+    let is_held = request.hold.iter().any(|tau| *tau != 0.0);
+    if is_held { request.gravity + request.hold } else { request.gravity }
 }

@@ -81,9 +81,12 @@ impl GripperLever {
                 self.opening.or(measured.map(|it| it.position)).map(|at| self.moved(at))
             }
             Mode::Armed => self.opening,
-            Mode::Boot | Mode::Ready | Mode::ReflectionOff | Mode::ZeroTorque | Mode::DrivesOff => {
-                None
-            }
+            Mode::Boot
+            | Mode::Ready
+            | Mode::ReflectionOff
+            | Mode::ZeroTorque
+            | Mode::DrivesOff
+            | Mode::Measuring => None,
         };
         self.opening.map(|position| Gripper { position, force: self.input.max_force })
     }

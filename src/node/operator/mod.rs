@@ -221,6 +221,7 @@ mod tests {
         mode: CommandMode::Rate,
         gravity_share: 0.0,
         reflection_share: 0.0,
+        hold: false,
         held: None,
         restart: true,
     });
@@ -231,6 +232,7 @@ mod tests {
             gravity_share: 0.5,
             gravity_ramps_up: !engaged,
             reflection_share: 1.0,
+            hold: false,
             engaged,
             drives_on: true,
         }

@@ -12,7 +12,10 @@
 //!    └──────────────────────────── reset, cause gone ──────┴──────────┘
 //! ```
 //!
-//! Torque is zero except in `Armed`, in `ReflectionOff` (gravity compensation alone) and in `Engaged`. After a
+//! A request leads from `Armed` to `Measuring`, in which the deadman lets the arm move by itself and engages nothing; a disarm request
+//! leads on to `Ready`, a cause to a stop.
+//!
+//! Torque is zero except in `Armed`, in `ReflectionOff` (gravity compensation alone), in `Engaged` and in `Measuring`. After a
 //! disarm request gravity compensation ramps to zero before the mode changes. After a cause the [`table`] applies.
 //!
 //! Causes also stop `Boot` and `Ready`, and a disarm request in S1 leads to S2. A latched stop becomes stricter with time or
@@ -62,6 +65,9 @@ pub enum Refusal {
     /// A stop is latched. Its cause is reported before any other reason.
     #[error("stopped: {0}. Run `frhc ctl reset` first")]
     Stopped(Cause),
+    /// The arm moves itself only from `Armed`, with its weight carried.
+    #[error("the arm is not carried yet: arm it first; the node is {0}")]
+    NotCarried(Mode),
     /// The deadman is closed: arming would engage at once, or hide a stuck contact.
     #[error("the deadman is closed: release it first")]
     DeadmanClosed,
@@ -176,7 +182,7 @@ impl Safety {
                 let is_late = self.is_enabled_late(now, joint, statusword);
                 is_late.then_some(Cause::EnableTimeout { joint, statusword })
             }
-            Mode::Ready | Mode::Armed | Mode::Engaged | Mode::ReflectionOff => {
+            Mode::Ready | Mode::Armed | Mode::Engaged | Mode::ReflectionOff | Mode::Measuring => {
                 Some(Cause::DriveLeft { joint, statusword })
             }
             Mode::ZeroTorque | Mode::DrivesOff => None,
@@ -230,12 +236,29 @@ impl Safety {
         if self.mode != Mode::Ready {
             return Err(Refusal::NotReady(self.mode));
         }
-        match enable_state {
-            EnableState::Released => Ok(()),
-            EnableState::Silent => Err(Refusal::SwitchBoxSilent),
-            EnableState::Unsettled => Err(Refusal::DeadmanNotSettled),
-            EnableState::ClosedWithoutRelease | EnableState::Held => Err(Refusal::DeadmanClosed),
+        released(enable_state)
+    }
+
+    /// Enters `Measuring` from `Armed`, or stays in it: the deadman then lets the arm move by itself.
+    ///
+    /// # Errors
+    /// When a stop is latched, the weight of the arm is not carried, there is no switch box, or the deadman is not known to be
+    /// released.
+    pub fn measure(
+        &mut self,
+        now: Instant,
+        enable_state: Option<EnableState>,
+    ) -> Result<(), Refusal> {
+        if let Some(cause) = self.cause.filter(|_| self.mode.is_latched()) {
+            return Err(Refusal::Stopped(cause));
         }
+        released(enable_state.ok_or(NoSwitchBox)?)?;
+        let is_armed = matches!(self.mode, Mode::Armed | Mode::Measuring);
+        if !is_armed || !self.gravity.is_full() || self.is_ramping_down {
+            return Err(Refusal::NotCarried(self.mode));
+        }
+        self.enter(Mode::Measuring, now);
+        Ok(())
     }
 
     /// Enters `Armed`: gravity compensation ramps up, and the deadman engages.
@@ -302,6 +325,7 @@ impl Safety {
                 && !self.is_ramping_down
                 && !self.gravity.is_full(),
             reflection_share: self.reflection.share(),
+            hold: self.mode == Mode::Measuring && is_held && !self.is_ramping_down,
             engaged,
             drives_on: self.mode != Mode::DrivesOff,
         }
@@ -329,14 +353,15 @@ impl Safety {
             | Mode::Engaged
             | Mode::ReflectionOff
             | Mode::ZeroTorque
-            | Mode::DrivesOff => {}
+            | Mode::DrivesOff
+            | Mode::Measuring => {}
         }
     }
 
     /// Returns the mode after gravity compensation has ramped to zero.
     const fn mode_after_ramp_down(&self) -> Mode {
         match self.mode {
-            Mode::Armed | Mode::Engaged => Mode::Ready,
+            Mode::Armed | Mode::Engaged | Mode::Measuring => Mode::Ready,
             Mode::ReflectionOff => Mode::ZeroTorque,
             Mode::Boot | Mode::Ready | Mode::ZeroTorque | Mode::DrivesOff => self.mode,
         }
@@ -349,6 +374,16 @@ impl Safety {
             self.gravity.reset(now);
             self.is_ramping_down = false;
         }
+    }
+}
+
+/// Checks that the deadman is known to be released.
+const fn released(enable_state: EnableState) -> Result<(), Refusal> {
+    match enable_state {
+        EnableState::Released => Ok(()),
+        EnableState::Silent => Err(Refusal::SwitchBoxSilent),
+        EnableState::Unsettled => Err(Refusal::DeadmanNotSettled),
+        EnableState::ClosedWithoutRelease | EnableState::Held => Err(Refusal::DeadmanClosed),
     }
 }
 

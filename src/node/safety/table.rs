@@ -25,6 +25,9 @@ pub const fn reaction(kind: CauseKind, mode: Mode) -> Reaction {
     match mode {
         Mode::Boot | Mode::Ready => row.unarmed,
         Mode::Armed | Mode::Engaged => row.armed,
+        // Nothing is commanded and nothing felt: the commanded side cannot matter.
+        Mode::Measuring if kind.is_of_commanded_side() => Reaction::NoStop,
+        Mode::Measuring => row.armed,
         Mode::ReflectionOff => stricter(row.armed, Reaction::ReflectionOff),
         Mode::ZeroTorque => stricter(row.armed, Reaction::ZeroTorque),
         Mode::DrivesOff => Reaction::DrivesOff,

@@ -66,6 +66,35 @@ fn armed() -> Safety {
     safety
 }
 
+/// Returns a graph in which the arm may move itself.
+fn measuring() -> Safety {
+    let mut safety = Safety::new(SafetyTimes { gravity: Duration::from_millis(1), ..TIMES });
+    safety.on_drives_enabled(at(0));
+    safety.arm(at(0), Some(EnableState::Released)).unwrap();
+    let early = safety.measure(at(0), Some(EnableState::Released));
+    assert_eq!(early, Err(Refusal::NotCarried(Mode::Armed)));
+    safety.advance(at(1), false);
+    safety.advance(at(2), false);
+    assert_eq!(safety.measure(at(2), Some(EnableState::Held)), Err(Refusal::DeadmanClosed));
+    assert_eq!(safety.measure(at(2), None), Err(NoSwitchBox.into()));
+    safety.measure(at(2), Some(EnableState::Released)).unwrap();
+    safety
+}
+
+#[test]
+fn hazard_52_arm_may_move_itself_only_while_measuring_with_the_deadman_held() {
+    let mut safety = measuring();
+    for (millis, is_held) in [(3, false), (4, true), (5, false), (6, true)] {
+        let permit = safety.advance(at(millis), is_held);
+        assert_eq!((permit.hold, permit.engaged), (is_held, false), "at {millis} ms");
+    }
+    safety.raise(at(7), Cause::LinkLost);
+    assert!(safety.advance(at(7), true).hold, "nothing is commanded and nothing felt");
+    safety.disarm();
+    assert!(!safety.advance(at(8), true).hold, "it ramps down");
+    assert!(!engaged().advance(at(3), true).hold);
+}
+
 fn engaged() -> Safety {
     let mut safety = armed();
     safety.advance(at(1), false);
@@ -79,10 +108,11 @@ fn in_mode(mode: Mode) -> Safety {
     let mut safety = match mode {
         Mode::Boot | Mode::Ready => Safety::new(TIMES),
         Mode::Armed => armed(),
+        Mode::Measuring => measuring(),
         Mode::Engaged | Mode::ReflectionOff | Mode::ZeroTorque | Mode::DrivesOff => engaged(),
     };
     match mode {
-        Mode::Boot | Mode::Armed | Mode::Engaged => {}
+        Mode::Boot | Mode::Armed | Mode::Engaged | Mode::Measuring => {}
         Mode::Ready => safety.on_drives_enabled(at(0)),
         Mode::ReflectionOff => safety.raise(at(3), FIRST),
         Mode::ZeroTorque => safety.raise(at(3), Cause::GripOverspeed),
@@ -100,6 +130,7 @@ const FIRST: Cause = Cause::TieDown;
 /// Returns a cause of a kind.
 fn sample(kind: CauseKind) -> Cause {
     let (joint, channel, statusword) = (Joint::of::<3>(), 0, 0x0218);
+    let position = JointReading::new(0.2, JointKind::Revolute);
     let node = joint.into();
     match kind {
         CauseKind::SamplesMissing => Cause::SamplesMissing { joint, cycles: 3 },
@@ -116,6 +147,8 @@ fn sample(kind: CauseKind) -> Cause {
             let at = JointReading::new(2.0, JointKind::Revolute);
             Cause::BeyondLimit { joint, position: at, limit: at }
         }
+        CauseKind::NotFollowing => Cause::NotFollowing { joint, position },
+        CauseKind::Blocked => Cause::Blocked { joint, position },
         CauseKind::UncommandedMotion => Cause::UncommandedMotion,
         CauseKind::Unstable => Cause::Unstable,
         CauseKind::LinkLost => Cause::LinkLost,

@@ -89,6 +89,7 @@ fn name(request: Request) -> String {
         Request::Reset => "reset".to_owned(),
         Request::Zero(None) => "zero".to_owned(),
         Request::Zero(Some(joint)) => format!("zero of joint {joint}"),
+        Request::Park => "park".to_owned(),
         Request::Command(CommandMode::Rate) => "mode rate".to_owned(),
         Request::Command(CommandMode::Pose) => "mode pose".to_owned(),
         Request::Adjust(adjustment) => adjustment.to_string(),

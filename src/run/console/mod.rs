@@ -1,8 +1,8 @@
 //! Control socket of a running node. Requests and responses are JSON objects, one per line.
 //!
 //! Requests are `{"ask":"status"}`, `{"ask":"arm"}`, `{"ask":"disarm"}`, `{"ask":"reset"}`, `{"ask":"mode rate"}`,
-//! `{"ask":"mode pose"}`, `{"ask":"scale motion 0.5"}`, `{"ask":"lock rz on"}`, `{"ask":"align"}`, `{"ask":"zero"}` and
-//! `{"ask":"zero 3"}` for joint 3. Responses are
+//! `{"ask":"mode pose"}`, `{"ask":"scale motion 0.5"}`, `{"ask":"lock rz on"}`, `{"ask":"align"}`, `{"ask":"park"}`,
+//! `{"ask":"zero"}` and `{"ask":"zero 3"}` for joint 3. Responses are
 //! `{"ok":true,…}` or `{"ok":false,"error":"…"}`. A disarm is answered with `ok` once no drive may push.
 //!
 //! | file              | content                                                         |
@@ -51,6 +51,8 @@ pub(super) enum ConsoleCommand {
     Pose,
     #[display("zero{}", _0.map(|joint| format!(" {joint}")).unwrap_or_default())]
     Zero(Option<Joint>),
+    #[display("park")]
+    Park,
     #[display("{_0}")]
     Adjust(Adjustment),
 }
@@ -71,6 +73,7 @@ impl TryFrom<String> for ConsoleCommand {
             Self::Rate,
             Self::Pose,
             Self::Zero(None),
+            Self::Park,
         ];
         if let Some(command) = known.into_iter().find(|command| command.to_string() == text) {
             return Ok(command);
@@ -130,8 +133,17 @@ mod tests {
 
     #[test]
     fn request_lines_are_those_of_the_protocol_only() {
-        let names =
-            ["status", "arm", "disarm", "reset", "mode rate", "mode pose", "zero", "zero 3"];
+        let names = [
+            "status",
+            "arm",
+            "disarm",
+            "reset",
+            "mode rate",
+            "mode pose",
+            "zero",
+            "zero 3",
+            "park",
+        ];
         let asks = [
             ConsoleCommand::Status,
             ConsoleCommand::Arm,
@@ -141,6 +153,7 @@ mod tests {
             ConsoleCommand::Pose,
             ConsoleCommand::Zero(None),
             ConsoleCommand::Zero(Some(Joint::of::<3>())),
+            ConsoleCommand::Park,
         ];
         for (name, ask) in names.into_iter().zip(asks) {
             let line = format!("{{\"ask\":\"{name}\"}}");

@@ -86,6 +86,7 @@ impl RequestHandler {
             ConsoleCommand::Arm => Request::Arm,
             ConsoleCommand::Reset => Request::Reset,
             ConsoleCommand::Zero(joint) => Request::Zero(joint),
+            ConsoleCommand::Park => Request::Park,
             ConsoleCommand::Rate => Request::Command(CommandMode::Rate),
             ConsoleCommand::Pose => Request::Command(CommandMode::Pose),
             ConsoleCommand::Adjust(adjustment) => Request::Adjust(adjustment),
@@ -306,6 +307,7 @@ mod tests {
                 (ConsoleCommand::Arm, Request::Arm),
                 (ConsoleCommand::Reset, Request::Reset),
                 (ConsoleCommand::Zero(None), Request::Zero(None)),
+                (ConsoleCommand::Park, Request::Park),
                 (ConsoleCommand::Rate, Request::Command(CommandMode::Rate)),
                 (ConsoleCommand::Pose, Request::Command(CommandMode::Pose)),
             ] {

@@ -29,8 +29,8 @@ pub(super) const KINDS: &[CaseKind] = &[
     kind(4, "TPDO late by less than 3 cycles", LOSSES, slightly_late),
     kind(4, "TPDO late by more", LOSSES, late),
     kind(4, "TPDOs overtake each other", OUT_OF_ORDER, reordered),
-    kind(4, "TPDOs grow old", &[CauseKind::SamplesOverdue], growing_delay),
-    kind(5, "TPDO frozen", &[CauseKind::PositionFrozen, CauseKind::TorqueDiffers], frozen),
+    kind(4, "TPDOs grow old", OLD, growing_delay),
+    kind(5, "TPDO frozen", FROZEN, frozen),
     kind(6, "TPDO twice", &[CauseKind::Duplicate], |random, at| {
         of_tpdo(random, at, Effect::Duplicate, second_node(at))
     }),
@@ -146,6 +146,17 @@ fn growing_delay(random: &mut Random, at: &Conditions<'_>) -> Injection {
         .observed_for(within + Duration::from_millis(150))
 }
 
+/// Causes of samples that grow old: a hold with that delay swings, and ends before.
+const OLD: &[CauseKind] = &[CauseKind::SamplesOverdue, CauseKind::NotFollowing, CauseKind::Blocked];
+
+/// Causes of a position that stays the same: a joint that is moved by a hold does not follow, or is blocked.
+const FROZEN: &[CauseKind] = &[
+    CauseKind::PositionFrozen,
+    CauseKind::TorqueDiffers,
+    CauseKind::NotFollowing,
+    CauseKind::Blocked,
+];
+
 fn frozen(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let criterion = Criterion::Either("visible only under torque while a neighbour moves");
     of_tpdo(random, at, Effect::Freeze, criterion).observed_for(Duration::from_millis(800))
@@ -212,7 +223,9 @@ fn rpdo_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
 /// Returns a motion of the hand that changes the torque of every joint.
 fn hand_turns(at: &Conditions<'_>, begin_s: f64) -> Entry {
     let to_m = match at.situation {
-        Situation::Ready | Situation::Armed | Situation::Zeroed => [0.08, 0.06, 0.05],
+        Situation::Ready | Situation::Armed | Situation::Zeroed | Situation::Parking => {
+            [0.08, 0.06, 0.05]
+        }
         Situation::Free => [0.08, 0.12, 0.05],
         Situation::Contact => [0.06, 0.05, 0.05],
     };

@@ -4,13 +4,14 @@ use std::time::Duration;
 
 use crate::criterion::{Criterion, MayStop};
 use crate::injection::{Conditions, Injection, seconds};
-use crate::kind::{CaseKind, NO_CAUSE, armed, engaged, in_contact, kind};
+use crate::kind::{CaseKind, NO_CAUSE, armed, engaged, in_contact, kind, parking};
 use crate::random::Random;
+use crate::situation::Situation;
 use faults::{
     ContactFault, Disconnection, Effect, FaultKind, FrameFault, Input, LinkFault, Service, Target,
 };
 use node::cause::CauseKind;
-use sim::scenario::operator::{Console, Move, Switch};
+use sim::scenario::operator::{Console, Hold, Move, Switch};
 use sim::scenario::{ConsoleRequest, Entry};
 
 pub(super) const KINDS: &[CaseKind] = &[
@@ -40,6 +41,9 @@ pub(super) const KINDS: &[CaseKind] = &[
     engaged(39, "switch box silent, a switch closed", NO_CAUSE, silent_while_closed),
     engaged(40, "reference pressed in motion", NO_CAUSE, reference_pressed),
     engaged(41, "reflection switched on", NO_CAUSE, reflection_switched),
+    parking(52, "parking arm held fast", &[CauseKind::NotFollowing, CauseKind::Blocked], held_fast),
+    parking(52, "deadman released while parking", NO_CAUSE, released_parking),
+    parking(52, "link lost while parking", NO_CAUSE, link_lost_parking),
 ];
 
 fn sensed_force(at: &Conditions<'_>, force: f64, criterion: Criterion) -> Injection {
@@ -109,7 +113,7 @@ fn deadman_released(_: &mut Random, at: &Conditions<'_>) -> Injection {
 fn switch_box_unplugged(_: &mut Random, at: &Conditions<'_>) -> Injection {
     let within = at.limit_of(2) + at.cycles(2);
     let unplugged = FaultKind::Disconnection(Disconnection::Unplugged);
-    let criterion = if at.situation.is_engaged() {
+    let criterion = if Situation::ENGAGED.contains(&at.situation) {
         Criterion::Disengaged(Duration::from_millis(40), MayStop::Yes)
     } else {
         Criterion::Stop(within)
@@ -127,11 +131,31 @@ fn disarmed(_: &mut Random, at: &Conditions<'_>) -> Injection {
     Injection::new([Entry::Console(request)], criterion)
 }
 
+/// Takes the grip of an arm that moves itself, and holds it fast: the joints are blocked, or off their path, while it moves on.
+fn held_fast(_: &mut Random, at: &Conditions<'_>) -> Injection {
+    let within = Duration::from_secs(2);
+    let held = Entry::Hold(Hold::new(at.onset_s(), true));
+    Injection::new([held], Criterion::ReflectionOff(within))
+        .observed_for(within + Duration::from_millis(500))
+}
+
+/// Releases the deadman of an arm that moves itself: it stays, and nothing stops.
+fn released_parking(_: &mut Random, at: &Conditions<'_>) -> Injection {
+    Injection::new([at.switch(Duration::ZERO, Switch::deadman, false)], Criterion::GoesOn)
+        .observed_for(Duration::from_secs(2))
+}
+
+/// Loses the link of an arm that moves itself, which commands and feels nothing.
+fn link_lost_parking(_: &mut Random, at: &Conditions<'_>) -> Injection {
+    let lost = at.fault(Target::Link, FaultKind::Link(LinkFault::Lost));
+    Injection::new([lost], Criterion::GoesOn)
+}
+
 /// Makes the deadman's contacts disagree; the switch box reports it after 10 ms.
 fn deadman_stuck(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let is_a = random.coin();
     let input = if is_a { Input::DeadmanA } else { Input::DeadmanB };
-    let is_low = is_a == at.situation.is_engaged();
+    let is_low = is_a == at.situation.is_pressed();
     let stuck = if is_low { ContactFault::StuckLow } else { ContactFault::StuckHigh };
     let fault = at.fault(Target::SwitchBox, FaultKind::Contact(input, stuck));
     let criterion = Criterion::Stop(at.limit() + Duration::from_millis(10));

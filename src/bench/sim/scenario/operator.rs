@@ -30,6 +30,9 @@ pub enum ConsoleRequest {
     /// Sets all zeros by the rest posture.
     #[display("zero")]
     Zero,
+    /// Brings the arm to its rest posture.
+    #[display("park")]
+    Park,
     /// Rate mode.
     #[display("mode rate")]
     Rate,
@@ -45,13 +48,14 @@ impl TryFrom<String> for ConsoleRequest {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
-        let known = [Self::Arm, Self::Disarm, Self::Reset, Self::Zero, Self::Rate, Self::Pose];
+        let known =
+            [Self::Arm, Self::Disarm, Self::Reset, Self::Zero, Self::Park, Self::Rate, Self::Pose];
         if let Some(request) = known.into_iter().find(|request| request.to_string() == text) {
             return Ok(request);
         }
         let adjustment = text.parse().map(Self::Adjust);
         adjustment.map_err(|InvalidAdjustment(text)| {
-            format!("unknown request {text:?}; expected arm, disarm, reset, zero, mode rate, mode pose, or an adjustment as `frhc ctl` takes it")
+            format!("unknown request {text:?}; expected arm, disarm, reset, zero, park, mode rate, mode pose, or an adjustment as `frhc ctl` takes it")
         })
     }
 }

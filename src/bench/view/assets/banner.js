@@ -17,6 +17,7 @@ const MODES = {
   ready: ["calm", "ready", "Ready", "The drives are enabled. Nothing pushes."],
   armed: ["calm", "hand", "Armed", "Gravity compensation carries the arm. The deadman engages."],
   engaged: ["fine", "play", "Engaged", "The grip commands, and what is sensed is felt."],
+  measuring: ["fine", "play", "Measuring", "While the deadman is held the arm moves by itself. Nothing is commanded and nothing felt."],
   "reflection-off": ["warn", "stop", "Reflection off", "Nothing is felt or commanded any more; gravity compensation carries the arm."],
   "zero-torque": ["stop", "stop", "Zero torque", "All torques are zero; the drives are about to be disabled. Hold the arm."],
   "drives-off": ["stop", "stop", "Drives off", "All torques are zero, and voltage is disabled. The arm falls unless it is held."],

@@ -6,7 +6,7 @@ import { make, name, number, plain, setText } from "./text.js";
 
 const PARTS = [
   ["task", "Task"], ["gravity", "Gravity"], ["centring", "Return to centre"], ["damping", "Damping"], ["passivity", "Passivity"],
-  ["soft_stops", "Soft stops"], ["friction", "Friction"],
+  ["soft_stops", "Soft stops"], ["friction", "Friction"], ["hold", "Hold"],
 ];
 
 /// Returns a table header; the first column is for the joints.
@@ -74,7 +74,9 @@ export class JointsPanel {
       const range = numbers(joint?.range, 2);
       const unknown = Array.isArray(snapshot.zero_unknown) ? snapshot.zero_unknown.find((it) => it?.joint === index + 1) : undefined;
       row.position.title = unknown ? plain(unknown.why).slice(0, 300) : "";
-      setText(row.position, unknown ? "zero unknown" : Number.isFinite(q) ? `${number(q, 3)}\u202f${plain(joint?.position_unit ?? "rad").slice(0, 12)}` : number(q, 3));
+      const goal = snapshot.hold?.to?.[index];
+      const shown = Number.isFinite(goal) ? `${number(q, 3)} to ${number(goal, 3)}` : number(q, 3);
+      setText(row.position, unknown ? "zero unknown" : Number.isFinite(q) ? `${shown}\u202f${plain(joint?.position_unit ?? "rad").slice(0, 12)}` : shown);
       row.place.mark(range ? (q - range[0]) / (range[1] - range[0]) : NaN);
       setText(row.torque, Number.isFinite(torque) ? `${number(torque, 2)}\u202f${plain(joint?.torque_unit ?? "N·m").slice(0, 12)}` : number(torque, 2));
       row.used.set(used);

@@ -22,7 +22,7 @@ impl Palette {
     pub(super) fn mode(self, mode: &str) -> Style {
         let badge = Style::new().add_modifier(Modifier::BOLD | Modifier::REVERSED);
         match mode {
-            "engaged" => self.coloured(badge, Color::Green),
+            "engaged" | "measuring" => self.coloured(badge, Color::Green),
             "armed" => self.coloured(badge, Color::Cyan),
             "reflection-off" | "zero-torque" | "drives-off" => self.coloured(badge, Color::Red),
             _ => badge,

@@ -18,7 +18,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
         &["sessions", "report", "replay", "plot", "signals", "export", "decode"],
     ),
     ("Devices on a bus", &["scan", "sdo", "nmt", "lss"]),
-    ("Calibrate", &["calib", "config"]),
+    ("Calibrate", &["measure", "calib", "config"]),
 ];
 
 /// Gives a command a help with its subcommands in groups.

@@ -30,6 +30,7 @@ mod gain_check;
 mod irregular_files;
 mod layouts;
 mod long_work;
+mod measure;
 mod messages;
 mod no_switch_box;
 mod orderly_stop;

@@ -49,6 +49,7 @@ use crate::scan::Scan;
 use crate::sdo::Sdo;
 use crate::signal_list::SignalList;
 use crate::top::Top;
+use measure::command::{self as measure_command, MeasureArgs};
 use run::exit::Failure;
 use view::command::{self as view_command, View};
 
@@ -98,6 +99,8 @@ pub enum Command {
             frhc calib check --config config/kraft_like.toml"
     )]
     Calib(Calib),
+    /// Measures facts of an arm that a configuration states, at the arm.
+    Measure(MeasureArgs),
     /// Changes a configuration file, with its comments, order and format kept.
     #[command(
         after_help = "Example:\n  frhc config merge my_arm.toml elbow/torque_curves.toml sweep/friction.toml"
@@ -197,6 +200,7 @@ impl Command {
             Self::Nmt(args) => nmt::run(args),
             Self::Lss(args) => lss::run(args),
             Self::Decode(args) => decode::run(args, is_quiet),
+            Self::Measure(args) => measure_command::run(args),
             Self::Top(args) => top::run(args),
             Self::Replay(args) => replay::run(args, is_quiet),
             Self::Plot(args) => plot::run(args, is_quiet),

@@ -182,9 +182,8 @@ impl Controller {
 
         let f_g_centring = self.centring(&permissions, input.mode, &x_0_g, &dx) * ramp; // Eq. 8
         let is_first = input.restart || is_new || input.mode != self.mode;
-        let against = self.damping.wrench(&arm.twist.v_g, &x_h_g, &dx, is_first); // Eq. 9
-        let against = self.port.bounded_damping(&against, &port);
-        let f_g_damping = permitted(permissions.damping, against);
+        let drag = self.damping.wrench(&arm.twist.v_g, &x_h_g, &dx, is_first); // Eq. 9
+        let f_g_damping = permitted(permissions.damping, self.port.bounded_damping(&drag, &port));
 
         let grip = GripWrenches { port, f_g_centring, f_g_damping, ramp };
         let request = self.torques(&given, &permissions, &arm, &grip); // Eq. 7, 3.3
@@ -194,7 +193,6 @@ impl Controller {
 
         (self.gate, self.mode, self.last.1) = (gate, input.mode, targets);
         (self.x_b_m, self.x_b_commanded) = (given.x_b_m, commanded_pose(&command));
-        let turned = (gate == Gate::TurnedTooFar).then_some(InvalidValue::TurnedTooFar);
         Output {
             q: arm.q,
             joint_out_of_range: self.settings.arm.out_of_range(q).and_then(Joint::at),
@@ -218,7 +216,7 @@ impl Controller {
             ledger,
             tau,
             targets,
-            invalid_value: broken.or(given.invalid_value).or(turned),
+            invalid_value: broken.or(given.invalid_value).or(turned_too_far(gate)),
         }
     }
 
@@ -324,6 +322,11 @@ impl Controller {
             }
         }
     }
+}
+
+/// Returns the reason of a gate that closed since the hand turned too far.
+fn turned_too_far(gate: Gate) -> Option<InvalidValue> {
+    (gate == Gate::TurnedTooFar).then_some(InvalidValue::TurnedTooFar)
 }
 
 /// Returns the wrench if it is permitted, else zero.

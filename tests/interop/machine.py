@@ -9,7 +9,7 @@ from pathlib import Path
 TICKS = os.sysconf("SC_CLK_TCK")
 MAX_OTHERS = 0.1
 """Processors that other programs may take beside a time that is judged."""
-MAX_SLOWNESS = 1.5
+MAX_SLOWNESS = 1.15
 """How many times as long as on the machine of the figures a fixed computation may take beside a time that is judged."""
 REFERENCE_S = 0.057
 """What it takes on that machine: 2 cores of an Intel processor at 2.1 GHz."""

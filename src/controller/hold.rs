@@ -11,7 +11,7 @@
 //! the weight that the description lacks.
 //!
 //! The bound `b` is what the hold may push with: a hand at the grip overcomes it, a wrong mass and dry friction (`f_c`) do not.
-//! Where it is reached the path waits; where it stays so, or the position stays [the same](standstill) although the joint is
+//! Where it is reached the path waits; where it stays so, or the position stays the same (`standstill`) although the joint is
 //! pushed on, the joint is blocked. A joint that is blocked within the tolerance of its goal has arrived: it lies in its cradle.
 //!
 //! When the hold ends, its integral, which is weight that the arm's description lacks, leaves in three seconds. Until its owner lets

@@ -61,8 +61,8 @@ const PRINTING: &[&str] = &[
 /// Commands that need a bus: `tests/vcan.rs` runs them. `run` prints no data.
 const ON_A_BUS: &[&str] = &["run", "commission", "scan", "sdo", "nmt", "lss"];
 
-/// Commands that need a node: [`robot_process`](crate::robot_process) runs them.
-const WITH_A_NODE: &[&str] = &["robot"];
+/// Commands that need a node: [`robot_process`](crate::robot_process) and [`measure`](crate::measure) run them.
+const WITH_A_NODE: &[&str] = &["measure", "robot"];
 
 /// Commands that serve until a signal: [`view`](crate::view) runs them.
 const SERVING: &[&str] = &["view"];

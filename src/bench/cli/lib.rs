@@ -100,6 +100,7 @@ pub enum Command {
     )]
     Calib(Calib),
     /// Measures facts of an arm that a configuration states, at the arm.
+    #[command(after_help = "Example:\n  frhc measure direction --config my_arm.toml")]
     Measure(MeasureArgs),
     /// Changes a configuration file, with its comments, order and format kept.
     #[command(

@@ -93,6 +93,10 @@ fn direction(args: &DirectionArgs) -> Result<(), Failure> {
             let reason = format!("not proven: {}; the same command goes on there", left.join(", "));
             return Err(Failure::new(Kind::Interrupted, reason));
         }
+        if print::has_failed() {
+            // Nobody reads the questions: `print::finish` says why.
+            return Ok(());
+        }
         let Some(Reading { at, q }) = feed.next(&config)? else { continue };
         if !has_begun {
             has_begun = true;

@@ -28,6 +28,8 @@ mod realtime;
 mod recordings;
 #[path = "vcan/sessions.rs"]
 mod sessions;
+#[path = "vcan/sign.rs"]
+mod sign;
 #[path = "vcan/socket.rs"]
 mod socket;
 #[path = "vcan/telemetry.rs"]

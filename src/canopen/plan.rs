@@ -5,6 +5,8 @@
 
 mod settings;
 
+pub use settings::mapped;
+
 use std::time::Duration;
 
 use canopen_rs::{ByteString, NodeId, Value};
@@ -175,6 +177,8 @@ pub struct NodePlan {
     /// Reactions to errors, limits, and the period of the cycle. A device that lacks one of these objects is refused by
     /// that object, unless it is only a [means](Need).
     pub safety: Vec<(Object, Value)>,
+    /// Objects of `safety` that limit the torque of a drive.
+    pub torque_limits: Vec<Object>,
     /// Mode of operation (6060h), confirmed by the display (6061h). Commanded at every boot, not stored.
     pub mode: Option<i8>,
     /// Condition under which the drive displays its mode.
@@ -233,7 +237,9 @@ impl NodePlan {
             (Object::MAX_TORQUE, Value::Unsigned16(max_torque)),
         ]);
         let mode = Some(drive::CYCLIC_SYNCHRONOUS_TORQUE);
-        Self { safety, mode, ..Self::device(name, node, PROFILE_DRIVE, identity, pdos, heartbeats) }
+        let torque_limits = vec![Object::MAX_TORQUE];
+        let device = Self::device(name, node, PROFILE_DRIVE, identity, pdos, heartbeats);
+        Self { safety, torque_limits, mode, ..device }
     }
 
     /// Plans a CiA 401 switch box, with one analogue input by its number or none. It moves nothing and consumes no
@@ -272,6 +278,7 @@ impl NodePlan {
             pdos,
             error_behaviour: Some(TO_PRE_OPERATIONAL),
             safety: Vec::new(),
+            torque_limits: Vec::new(),
             mode: None,
             shown_mode: ShownMode::Always,
             homing: None,
@@ -298,6 +305,7 @@ impl NodePlan {
     pub fn limited_by(mut self, limits: &[(Object, Value)]) -> Self {
         self.safety.retain(|(limit, _)| *limit != Object::MAX_TORQUE);
         self.safety.extend_from_slice(limits);
+        self.torque_limits = limits.iter().map(|(object, _)| *object).collect();
         self
     }
 

@@ -166,6 +166,7 @@ sections! {
         vendor_id: Value<u32>,
         product_code: Value<u32>,
         revision: Value<u32>,
+        deadman_at: Optional<String>,
         boot: Option<Boot>,
         button: Option<Sections<Button>>,
         gripper: Option<SwitchesGripper>,

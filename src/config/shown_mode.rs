@@ -6,7 +6,7 @@
 
 use std::time::Duration;
 
-use crate::drive_object::{Content, ObjectWrite};
+use crate::drive_object::ObjectWrite;
 use crate::problem::Problems;
 use crate::raw;
 use crate::section::Sections;
@@ -14,6 +14,7 @@ use crate::torque_limit::TorqueLimit;
 use crate::value::HasPlace;
 use canopen::eds::Eds;
 use canopen::object::Object;
+use canopen::plan::mapped;
 
 /// Maximum reduced limit, in per mille of rated torque or current.
 const MAX_REDUCED: i64 = 50;
@@ -88,37 +89,15 @@ pub(super) fn reduced(limits: &[ObjectWrite]) -> Option<Vec<ObjectWrite>> {
         (low > 0).then_some(low)
     };
     let one = |(object, content): &ObjectWrite| {
-        Some((*object, lowered(content, |full| low(*object, full))?))
+        Some((*object, mapped(content, |full| low(*object, full))?))
     };
     limits.iter().map(one).collect()
-}
-
-/// Maps an integer by `low`, in the same data type. Returns `None` for other types, or if the result does not fit.
-fn lowered(content: &Content, low: impl Fn(i64) -> Option<i64>) -> Option<Content> {
-    Some(match *content {
-        Content::Integer8(full) => Content::Integer8(low(full.into())?.try_into().ok()?),
-        Content::Integer16(full) => Content::Integer16(low(full.into())?.try_into().ok()?),
-        Content::Integer32(full) => Content::Integer32(low(full.into())?.try_into().ok()?),
-        Content::Integer64(full) => Content::Integer64(low(full)?),
-        Content::Unsigned8(full) => Content::Unsigned8(low(full.into())?.try_into().ok()?),
-        Content::Unsigned16(full) => Content::Unsigned16(low(full.into())?.try_into().ok()?),
-        Content::Unsigned32(full) => Content::Unsigned32(low(full.into())?.try_into().ok()?),
-        Content::Unsigned64(full) => {
-            Content::Unsigned64(low(full.try_into().ok()?)?.try_into().ok()?)
-        }
-        Content::Boolean(_)
-        | Content::Real32(_)
-        | Content::Real64(_)
-        | Content::VisibleString(_)
-        | Content::OctetString(_)
-        | Content::Domain(_)
-        | _ => return None,
-    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::drive_object::Content;
 
     #[test]
     fn reduced_limits_are_at_most_five_percent() {

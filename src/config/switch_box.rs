@@ -34,6 +34,8 @@ pub struct SwitchBox {
     pub boot: BootSettings,
     /// EDS, shared by the nodes that name the same file.
     pub eds: Arc<Eds>,
+    /// Set if the deadman is not at the grip, so that it can be held without a hand on the arm.
+    pub is_deadman_apart: bool,
     /// Adjustments made by the buttons at input bits 4 to 7.
     pub buttons: [Option<Adjustment>; 4],
     /// Input for a gripper, if configured.
@@ -75,6 +77,9 @@ fn read(
         problems.add(&boot.mode_shown, "only a drive has a mode");
     }
     let boot = boot::of_node(switches.boot.as_ref(), given, problems);
+    let places = [("grip", false), ("apart", true)];
+    let deadman_at = switches.deadman_at.or("grip".to_owned());
+    let is_deadman_apart = problems.one_of(&deadman_at, &places).unwrap_or_default();
     let buttons = buttons(switches.button.as_ref(), problems);
     let gripper = gripper::input(switches, problems);
     let identity = Identity {
@@ -83,7 +88,7 @@ fn read(
         revision: switches.revision.get()?,
     };
     let (channel, node, eds, gripper) = (channel?, node?, eds?, gripper?);
-    Some(SwitchBox { channel, node, identity, boot, eds, buttons, gripper })
+    Some(SwitchBox { channel, node, identity, boot, eds, is_deadman_apart, buttons, gripper })
 }
 
 /// Reads the adjustments of the buttons, in the order of bits 4 to 7.

@@ -219,6 +219,23 @@ impl<const N: usize> Arm<N> {
         tau
     }
 
+    /// Computes the torques by which weight may differ, in N·m, where all centres of mass are off by `distance`, in m; zero for a
+    /// prismatic joint.
+    pub fn gravity_of_offsets(&self, posture: &Posture<N>, distance: f64) -> SVector<f64, N> {
+        let mut tau = SVector::<f64, N>::zeros();
+        let mut mass = 0.0;
+        let outwards = self.links.iter().zip(&posture.x_0_links).zip(tau.iter_mut());
+        for ((link, x_0_i), torque) in outwards.rev() {
+            mass += link.mass;
+            let axis = x_0_i.rotation * Vector3::z();
+            *torque = match link.kind {
+                JointKind::Revolute => axis.cross(&self.gravity).norm() * mass * distance,
+                JointKind::Prismatic => 0.0,
+            };
+        }
+        tau
+    }
+
     /// Computes the wrench at the grip, in {G}, that would hold all links as one rigid body (decision 12, read literally).
     /// Its torque is correct for the first joint only; every other joint also carries the links before it.
     pub fn gravity_at_grip(&self, posture: &Posture<N>) -> Wrench {
@@ -244,8 +261,7 @@ impl<const N: usize> Arm<N> {
         self.links.map(|link| link.range)
     }
 
-    /// Computes the mass matrix, `Σ m_i J_ciᵀ J_ci + J_ωiᵀ I_i J_ωi` plus the rotors, in kg·m², kg·m and kg. The cycle does
-    /// not need it.
+    /// Computes the mass matrix, `Σ m_i J_ciᵀ J_ci + J_ωiᵀ I_i J_ωi` plus the rotors, in kg·m², kg·m and kg.
     pub fn mass_matrix(&self, posture: &Posture<N>) -> SMatrix<f64, N, N> {
         let rotors = SVector::from_iterator(self.links.iter().map(|link| link.rotor_inertia));
         let mut mass = SMatrix::from_diagonal(&rotors);
@@ -282,6 +298,14 @@ impl<const N: usize> Arm<N> {
 }
 
 impl JointKind {
+    /// Returns the first of two values for a revolute joint, the second for a prismatic one.
+    pub fn pick<T>(self, [revolute, prismatic]: [T; 2]) -> T {
+        match self {
+            Self::Revolute => revolute,
+            Self::Prismatic => prismatic,
+        }
+    }
+
     /// Returns the twist, in {0}, of the point `p_0_c` at unit rate of the joint with frame `x_0_i`.
     fn twist(self, x_0_i: &Isometry3<f64>, p_0_c: &Vector3<f64>) -> Twist {
         let axis = x_0_i.rotation * Vector3::z();

@@ -432,11 +432,8 @@ impl Hold {
     }
 
     /// Returns the first value for each revolute joint, the second for each prismatic one.
-    fn each(&self, [revolute, prismatic]: [f64; 2]) -> JointVector {
-        JointVector::from(self.kinds.map(|kind| match kind {
-            JointKind::Revolute => revolute,
-            JointKind::Prismatic => prismatic,
-        }))
+    fn each(&self, values: [f64; 2]) -> JointVector {
+        JointVector::from(self.kinds.map(|kind| kind.pick(values)))
     }
 }
 

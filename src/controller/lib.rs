@@ -46,6 +46,7 @@ mod alignment;
 pub mod arm;
 pub mod assist;
 mod booking;
+pub mod breakaway;
 pub mod calibration;
 pub mod channels;
 pub mod command;

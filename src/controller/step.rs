@@ -9,6 +9,7 @@ use crate::adjustment::AdjustmentState;
 use crate::alignment::Alignment;
 use crate::arm::Posture;
 use crate::assist::{self, Damping};
+use crate::breakaway::Breakaway;
 use crate::command::Gate;
 use crate::contact_stiffness::ContactStiffness;
 use crate::hold::weight::{self, TooHeavy};
@@ -143,6 +144,12 @@ impl Controller {
     /// Returns the actuator with the greatest load beyond its capacity.
     pub fn check_way(&self, from: &JointVector, to: &JointVector) -> Result<(), TooHeavy> {
         weight::check(&self.settings.arm, &self.settings.calibration, [from, to])
+    }
+
+    /// Returns the breakaway of the actuator of a joint as described, with the arm at `q`, in rad or m.
+    pub fn breakaway(&self, joint: Joint, q: &JointVector) -> Breakaway {
+        let Settings { arm, calibration, dry_friction, .. } = &self.settings;
+        Breakaway::new(arm, calibration, dry_friction, q, joint)
     }
 
     /// Computes one cycle (Fig. 3).

@@ -33,6 +33,7 @@ tags! {
     ADJUST = 0x0B;
     ZERO = 0x0C;
     PARK = 0x0D;
+    TRIAL = 0x0E;
     RETURNED = 0x10;
     INTERMEDIATES = 0x11;
     NOW_AGAIN = 0x20;

@@ -11,6 +11,7 @@ use canopen::frame::{Channel, Frame};
 use controller::switches::CommandMode;
 use node::Request;
 use node::cause::ResetReason;
+use node::trial::TrialRequest;
 use remote::{RemoteSample, SideError};
 use units::numbering::Joint;
 use units::time::Instant;
@@ -181,6 +182,7 @@ impl<W: Write> InputWriter<W> {
             Call::Request(Request::Adjust(_)) => table::ADJUST,
             Call::Request(Request::Zero(_)) => table::ZERO,
             Call::Request(Request::Park) => table::PARK,
+            Call::Request(Request::Trial(_)) => table::TRIAL,
             Call::Cycle => table::CYCLE,
             Call::Stop => table::STOP,
         });
@@ -191,6 +193,10 @@ impl<W: Write> InputWriter<W> {
             }),
             Call::Request(Request::Adjust(adjustment)) => self.text(&adjustment.to_string()),
             Call::Request(Request::Zero(joint)) => self.tag(joint.map_or(0, Joint::number)),
+            Call::Request(Request::Trial(TrialRequest { joint, share })) => {
+                self.tag(joint.number());
+                self.bytes(&share.to_le_bytes());
+            }
             Call::New | Call::BringUp | Call::Request(_) | Call::Cycle | Call::Stop => {}
         }
     }

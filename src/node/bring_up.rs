@@ -97,6 +97,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.drives.rpdos.restart();
         self.power_off.restart();
         self.rest.restart();
+        self.trials.restart();
+        self.mode_check.enable_all();
         self.listen_before_boot()?;
         let booted = self.boot(give_up);
         match &booted {

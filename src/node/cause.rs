@@ -322,7 +322,10 @@ causes! {
         reaction armed(ReflectionOff, &[52]);
     Blocked { joint: Joint, position: JointReading }
         description "joint blocked while the hold moves it",
-        message ("joint {joint}: blocked at {position}, where it needs more torque than the arm may move itself with"),
+        message (
+            "joint {joint}: blocked at {position}: something holds it, it needs more torque than the arm may move itself with, or \
+             its encoder has stopped"
+        ),
         reaction armed(ReflectionOff, &[52]);
     GripperInputInvalid { counts: i16, closed: i16, open: i16 }
         description "input of the gripper outside its range, or its two inputs contradict each other",
@@ -362,6 +365,10 @@ causes! {
         description "homing of a drive failed: its mode and torque limit are not the planned ones",
         message ("joint {joint}: homing failed: its mode and torque limit are not the planned ones"),
         reaction always(DrivesOff, Node, true, &[51]);
+    LimitReduced { joint: Joint }
+        description "torque limit of a drive reduced by a trial: not the planned one",
+        message ("joint {joint}: torque limit still reduced after a trial; `frhc ctl reset` boots and writes the planned one"),
+        reaction always(DrivesOff, Node, true, &[53]);
     AwaitsReset { reason: ResetReason }
         description "last run without an orderly end, or this run without a latch",
         message ("{reason}; no drive is enabled before a reset"),

@@ -6,12 +6,14 @@ use crate::permit::Permit;
 use crate::record::{Mode, RefusedPress};
 use config::Config;
 use controller::adjustment::{AdjustmentError, AdjustmentState};
+use controller::breakaway::Breakaway;
 use controller::hold::HoldGoal;
 use controller::hold::weight::TooHeavy;
 use controller::switches::CommandMode;
 use controller::{Controller, DriveTargets, Input, JointVector, Output};
 use units::adjustment::Adjustment;
 use units::drive::{Counts, PerMille};
+use units::numbering::Joint;
 
 /// Controller, its command mode, and the targets that it takes for held.
 #[derive(Clone, Debug)]
@@ -75,6 +77,11 @@ impl Control {
     /// Returns the actuator with the greatest load beyond its capacity.
     pub(super) fn check_way(&self, from: &JointVector, to: &JointVector) -> Result<(), TooHeavy> {
         self.controller.check_way(from, to)
+    }
+
+    /// Returns the breakaway of a joint as described, with the arm at `q`, in rad or m.
+    pub(super) fn breakaway(&self, joint: Joint, q: &JointVector) -> Breakaway {
+        self.controller.breakaway(joint, q)
     }
 
     /// Takes a change of scales, locks or alignment.

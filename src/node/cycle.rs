@@ -48,6 +48,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
         let refused_press = self.press_buttons();
         let permit = self.safety.advance(now, self.operator.is_held());
+        self.advance_trial(now, &permit);
         let input = self.input(&permit, due.skipped);
         let output = self.control.step(permit.mode, &input);
         self.watch_step(now, &permit, &input, &output);
@@ -120,7 +121,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let operator = self.operator.check(now, permit, output, input.restart, &fresh);
         let weight = match permit.gravity_share {
             // A joint that something blocks is no frozen encoder.
-            _ if permit.hold => Weight::TakenOver,
+            _ if permit.hold || permit.trial => Weight::TakenOver,
             1.0.. => Weight::Carried,
             _ if permit.gravity_ramps_up => Weight::TakenOver,
             _ => Weight::NotCarried,
@@ -210,6 +211,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             refused_press: None,
             output,
             targets: targets.map(|PerMille(target)| target),
+            trial: self.trials.status(),
             not_off: self.power_off.not_off(),
             pushes: self.pushes(),
             counts: self.samples.latest().map(|sample| sample.position),

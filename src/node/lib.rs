@@ -68,6 +68,7 @@ mod target_limiter;
 mod target_readings;
 mod targets;
 mod transmission;
+pub mod trial;
 mod unpowered;
 mod wire;
 pub mod zero;
@@ -96,6 +97,7 @@ use crate::remote_side::RemoteSide;
 use crate::rest::RestPosture;
 use crate::safety::{EnableTimes, Safety, SafetyTimes};
 use crate::samples::Samples;
+use crate::trial::Trials;
 use crate::wire::Wire;
 use crate::zero::Zeros;
 use bus::Bus;
@@ -120,6 +122,7 @@ pub struct Node<B, R> {
     rest: RestPosture,
     zeros: Zeros,
     homing: HomingProgress,
+    trials: Trials,
     /// Names of the joints, base first.
     joint_names: [String; 6],
     remote_side: RemoteSide<R>,
@@ -165,6 +168,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             rest: RestPosture::new(config),
             zeros: Zeros::new(config),
             homing: HomingProgress::default(),
+            trials: Trials::new(config),
             joint_names: config.joints.each_ref().map(|joint| joint.name.clone()),
             drives: Drives::new(config, rpdos),
             remote_side: RemoteSide::new(config, now, remote),

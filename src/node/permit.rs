@@ -15,6 +15,8 @@ pub struct Permit {
     pub reflection_share: f64,
     /// True while the hold may move the arm.
     pub hold: bool,
+    /// True while a drive that is tried may push.
+    pub trial: bool,
     /// True while commands are sent and reflection acts.
     pub engaged: bool,
     /// True while the drives must be enabled.

@@ -1,6 +1,6 @@
 //! Goal and controlword of each drive's power stage (CiA 402), and the drives that stay off.
 //!
-//! Drives are enabled only in `Boot`. A drive that leaves `Operation enabled` later stays off until a reset, so a
+//! Drives are enabled only in `Boot`, but for one alone in a trial. A drive that leaves `Operation enabled` later stays off until a reset, so a
 //! released emergency stop enables no drive. [`power_off`](crate::power_off) confirms that drives are off.
 
 use crate::record::Mode;
@@ -36,6 +36,8 @@ pub(super) struct PowerStages {
     kept_off: [bool; 6],
     /// Drives whose newest controlword disables voltage.
     must_be_off: [bool; 6],
+    /// Drive that is enabled in another mode than `Boot`, all others being kept off.
+    alone: Option<Joint>,
     /// Drive whose homing is started once it is enabled.
     homing: Option<Joint>,
 }
@@ -45,6 +47,15 @@ impl PowerStages {
     pub(super) fn allow_enabling(&mut self) {
         self.may_reset = [true; 6];
         self.kept_off = [false; 6];
+        self.alone = None;
+    }
+
+    /// Lets this drive, which may have been kept off, be enabled alone; `None` for none.
+    pub(super) const fn enable_alone(&mut self, joint: Option<Joint>) {
+        self.alone = joint;
+        if let Some(joint) = joint {
+            *joint.entry_mut(&mut self.kept_off) = false;
+        }
     }
 
     /// Keeps the drive of this joint off until [`allow_enabling`](Self::allow_enabling).
@@ -71,7 +82,8 @@ impl PowerStages {
         drives_on: bool,
     ) -> Goal {
         let is_kept_off = *joint.entry(&self.kept_off);
-        let may_be_on = mode == Mode::Boot || state == Some(State::OperationEnabled);
+        let may_be_enabled = mode == Mode::Boot || self.alone == Some(joint);
+        let may_be_on = may_be_enabled || state == Some(State::OperationEnabled);
         if drives_on && may_be_on && !is_kept_off {
             Goal::OperationEnabled
         } else {

@@ -120,6 +120,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             return self.on_target_read(joint, read, event);
         }
         self.watch_zero_event(&event);
+        self.trials.on_event(&event);
         if self.mode_check.on_event(&event) {
             return None;
         }

@@ -10,6 +10,7 @@ use nalgebra::Isometry3;
 use crate::cause::Cause;
 use crate::cycle_times::CycleTimes;
 use crate::push::Push;
+use crate::trial::status::TrialStatus;
 use crate::zero::ZeroState;
 use controller::Output;
 use controller::adjustment::AdjustmentError;
@@ -38,7 +39,8 @@ pub enum Mode {
     ZeroTorque,
     /// S3, or the orderly stop: the drives are off until a reset.
     DrivesOff,
-    /// Gravity compensation, and while the deadman is held the hold moves the arm. Last, so that recorded numbers keep their meaning.
+    /// While the deadman is held the arm moves by itself: the hold moves it, with its weight carried, or one drive alone is tried.
+    /// Last, so that recorded numbers keep their meaning.
     Measuring,
 }
 
@@ -144,6 +146,8 @@ pub struct Record {
     pub output: Output,
     /// Target torques (6071h) that the drives hold, in ‰ of rated torque.
     pub targets: [i16; 6],
+    /// Newest trial of one drive since the last boot.
+    pub trial: Option<TrialStatus>,
     /// Joints whose drives do not report that they are off, although disable voltage was sent by RPDO and by SDO.
     pub not_off: [bool; 6],
     /// Drives that may push at zero target torque. Not to be used in a mode that allows torque.

@@ -6,6 +6,7 @@ use crate::park::ParkError;
 use crate::record::Mode;
 use crate::rest::NotAtRest;
 use crate::safety::Refusal;
+use crate::trial::{TrialError, TrialRequest};
 use crate::zero::{UnknownZeros, ZeroError};
 use crate::{BringUpError, Node};
 use bus::Bus;
@@ -33,6 +34,8 @@ pub enum Request {
     Zero(Option<Joint>),
     /// Let the hold bring the arm to its rest posture while the deadman is held.
     Park,
+    /// Let the deadman push one drive alone within a bound, all others being off.
+    Trial(TrialRequest),
     /// Command rates or poses. The reference is set again, so the command does not jump.
     Command(CommandMode),
     /// Change a scale, lock an axis, or align the object.
@@ -44,7 +47,12 @@ impl Request {
     pub const fn may_boot(self) -> bool {
         match self {
             Self::Reset | Self::Zero(_) => true,
-            Self::Arm | Self::Disarm | Self::Park | Self::Command(_) | Self::Adjust(_) => false,
+            Self::Arm
+            | Self::Disarm
+            | Self::Park
+            | Self::Trial(_)
+            | Self::Command(_)
+            | Self::Adjust(_) => false,
         }
     }
 }
@@ -64,6 +72,9 @@ pub enum RequestError {
     /// The arm cannot be parked.
     #[error(transparent)]
     Park(#[from] ParkError),
+    /// The drive is not tried.
+    #[error(transparent)]
+    Trial(#[from] TrialError),
     /// The adjustment is out of bounds, or not possible now.
     #[error(transparent)]
     Adjustment(#[from] AdjustmentError),
@@ -108,7 +119,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         match request {
             Request::Arm => {
                 // A latched stop is refused by its cause, not by a proof test that its boot has not run.
-                if !self.mode().is_latched() {
+                if !self.mode().is_latched() && !self.safety.is_alone() {
                     self.check_fitness(now)?;
                 }
                 self.safety.arm(now, self.operator.enable_state())?;
@@ -116,10 +127,14 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 self.rest.on_armed();
                 self.remote_side.remote.begin_epoch();
             }
-            Request::Disarm => self.safety.disarm(),
+            Request::Disarm => {
+                self.leave_trial(now);
+                self.safety.disarm();
+            }
             Request::Reset => self.reset(now, give_up)?,
             Request::Zero(joint) => self.set_zero(now, joint, give_up)?,
             Request::Park => self.park(now)?,
+            Request::Trial(trial) => self.begin_trial(now, trial)?,
             Request::Command(mode) => self.set_command_mode(mode)?,
             Request::Adjust(adjustment) => self.control.adjust(adjustment)?,
         }
@@ -182,6 +197,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             // The node stays armed, with a far side that may be another one by now.
             refuse(self.misfits(now).collect())?;
         }
+        self.leave_trial(now);
         let stop = self.safety.reset(now)?;
         self.drives.power.allow_enabling();
         let was_silent = self.network.is_silent();

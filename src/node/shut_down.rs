@@ -60,6 +60,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// # Errors
     /// When a drive does not confirm in time. Disable voltage was sent to it, and the watchdogs of all drives still run.
     pub fn shut_down(&mut self, is_urgent: &mut dyn FnMut() -> bool) -> Result<(), PowerOffError> {
+        // The next boot writes the planned limits.
+        self.safety.end_alone(self.wire.read_clock());
         self.safety.disarm();
         while self.safety.allows_torque() {
             self.cycle();

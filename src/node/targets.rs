@@ -29,8 +29,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
         permit: &Permit,
         output: &Output,
     ) -> [PerMille; 6] {
+        let mut targets = output.targets;
+        if let Some((joint, target)) = self.trials.target() {
+            *joint.entry_mut(&mut targets) = target;
+        }
         let limiter = &mut self.drives.limiter;
-        let targets = limiter.limit(self.safety.allows_torque(), &output.tau, &output.targets);
+        let targets = limiter.limit(self.safety.allows_torque(), &output.tau, &targets);
         let was_sent = self.send_targets(sync_at, &targets, permit.drives_on);
         let targets = self.drives.limiter.revert_unsent(was_sent);
         let held = match self.drives.limiter.is_withdrawn() {

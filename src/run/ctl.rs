@@ -1,5 +1,6 @@
 //! `frhc ctl`: sends one request to a running node and prints the response.
 
+pub mod client;
 mod park;
 mod table;
 mod waiting;
@@ -182,6 +183,7 @@ pub fn run(args: &Ctl) -> Result<(), Failure> {
 }
 
 /// Sockets to try, and the runtime of the connections.
+#[derive(Debug)]
 struct Connection {
     paths: Vec<PathBuf>,
     runtime: Runtime,

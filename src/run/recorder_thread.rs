@@ -248,6 +248,7 @@ fn log_event(event: &Event, names: &[String]) {
             | Event::LimitsRaised { .. }
             | Event::HomingPrepared { .. }
             | Event::HomingLeft { .. }
+            | Event::TorqueLimited { .. }
             | Event::Tested { .. }
             | Event::MonitoringEnded { .. }
             | Event::PowerOffConfirmed { .. }

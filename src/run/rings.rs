@@ -20,7 +20,7 @@ use units::time::Instant;
 const FRAME_CAPACITY: usize = 3 << 13;
 
 /// Capacity in records: 0.69 s at 1 kHz. The memory of all rings is locked, and a record has 2.5 kB.
-const RECORD_CAPACITY: usize = 695;
+const RECORD_CAPACITY: usize = 692;
 
 /// Maximum number of events on the network that wait for the recorder thread.
 const EVENT_CAPACITY: usize = 1 << 10;
@@ -252,11 +252,11 @@ mod tests {
             producer.push_event(Event::HeartbeatLost { node: NodeIndex(0) });
             producer.push_record(&record);
         }
-        let (frames, records) = (70_000 - (24_576 - 695), 5_000 - 695 + 3);
+        let (frames, records) = (70_000 - (24_576 - 692), 5_000 - 692 + 3);
         assert_eq!(lost.snapshot(), Losses { frames, records, events: 3, ..Losses::default() });
         let mut order = Order::default();
         assert_eq!(consumer.take(usize::MAX, &mut order), 24_576);
-        assert_eq!((order.0[0].as_str(), order.0[694].as_str()), ("record 0", "record 694"));
+        assert_eq!((order.0[0].as_str(), order.0[691].as_str()), ("record 0", "record 691"));
         // Later entries are in order again: no dropped entry has left a record or event in its ring.
         producer.push_record(&Record { cycle: 9, ..record });
         producer.on_wire(Instant::from_micros(9), &sync());

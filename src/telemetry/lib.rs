@@ -27,5 +27,6 @@ pub mod status;
 pub mod summary;
 pub mod timing;
 pub mod token_bucket;
+pub mod trial_status;
 pub mod trip;
 pub mod way_out;

@@ -8,6 +8,7 @@ use crate::link_report::LinkReport;
 use crate::losses::Losses;
 use crate::recording::RecordingReport;
 use crate::timing::TimingReport;
+use crate::trial_status::TrialReport;
 use config::zeroing::Zeroing;
 use config::{Config, JointParameters};
 use controller::Ledger;
@@ -76,6 +77,9 @@ pub struct Status {
     /// Motion of the arm by itself; `None` unless measuring.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hold: Option<HoldStatus>,
+    /// Newest trial of one drive since the last boot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trial: Option<TrialReport>,
     /// Reflected wrench at the grip: force in N, moment in N·m.
     pub f_g_task: [f64; 6],
     /// Position of the object in its base, in m.
@@ -210,6 +214,7 @@ impl Status {
             targets: record.targets,
             budget: record.output.ledger,
             hold: record.output.hold.as_ref().map(HoldStatus::new),
+            trial: record.trial.as_ref().map(TrialReport::new),
             f_g_task: record.output.f_g_task.components(),
             p_b_m: [p_b_m.x, p_b_m.y, p_b_m.z],
             model: record.model.map(ModelDifference::new),

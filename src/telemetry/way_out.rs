@@ -97,7 +97,7 @@ pub fn onwards(mode: Mode, has_switch_box: bool, unknown: &[String]) -> Vec<Stri
                 .to_owned()
         }
         Mode::Armed => format!("To command and feel, {PRESS_DEADMAN}"),
-        Mode::Measuring => "Hold the deadman: the arm moves by itself. Released, it stays where it is. `frhc ctl disarm` ends it."
+        Mode::Measuring => "Hold the deadman: the arm moves by itself, or the one drive that is tried pushes. Released, it stays where it is. `frhc ctl disarm` ends it."
             .to_owned(),
         Mode::Engaged | Mode::ReflectionOff | Mode::ZeroTorque | Mode::DrivesOff => {
             return Vec::new();

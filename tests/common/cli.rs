@@ -2,6 +2,7 @@
 
 use std::ffi::OsStr;
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -14,6 +15,18 @@ pub(crate) struct CommandOutput {
 
 pub(crate) fn frhc<S: AsRef<OsStr>>(args: &[S]) -> CommandOutput {
     let output = Command::new(crate::common::program()).args(args).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    let code = output.status.code().unwrap();
+    CommandOutput { code, stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+/// Runs a command whose person types this.
+pub(crate) fn typed(command: &mut Command, stdin: &str) -> CommandOutput {
+    let command = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    // It may end before it has read all.
+    _ = child.stdin.take().unwrap().write_all(stdin.as_bytes());
+    let output = child.wait_with_output().unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
     let code = output.status.code().unwrap();
     CommandOutput { code, stdout: text(output.stdout), stderr: text(output.stderr) }

@@ -313,7 +313,7 @@ impl Scratch {
     }
 
     /// Places socket and state of a command in this folder.
-    fn at_home<'c>(&self, command: &'c mut Command) -> &'c mut Command {
+    pub(crate) fn at_home<'c>(&self, command: &'c mut Command) -> &'c mut Command {
         command
             .env("XDG_RUNTIME_DIR", &self.0)
             .env("STATE_DIRECTORY", self.0.join("state"))

@@ -79,6 +79,7 @@ mod stored_offsets;
 mod telemetry;
 mod teleoperation;
 mod torque_curve;
+mod trial;
 mod worked_example;
 mod wrong_facts;
 mod zero;

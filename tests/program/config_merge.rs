@@ -1,8 +1,8 @@
 //! `frhc config merge`, as a user runs it.
 
-use std::io::Write;
 use std::os::unix::fs::{PermissionsExt, symlink};
 
+use crate::common::cli::typed;
 use crate::common::prelude::*;
 
 /// Folder with `my_arm.toml`, a copy of a shipped configuration, and the data sheets that it names.
@@ -40,13 +40,7 @@ impl Arm {
 
     fn with_stdin(&self, args: &[&str], stdin: &str) -> CommandOutput {
         let mut command = Command::new(crate::common::program());
-        let command = command.args(args).current_dir(&self.0).stdin(Stdio::piped());
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        child.stdin.take().unwrap().write_all(stdin.as_bytes()).unwrap();
-        let output = child.wait_with_output().unwrap();
-        let text = |bytes| String::from_utf8(bytes).unwrap();
-        let code = output.status.code().unwrap();
-        CommandOutput { code, stdout: text(output.stdout), stderr: text(output.stderr) }
+        typed(command.args(args).current_dir(&self.0), stdin)
     }
 
     fn merge(&self, args: &[&str]) -> CommandOutput {

@@ -31,6 +31,7 @@ mod irregular_files;
 mod layouts;
 mod long_work;
 mod measure;
+mod measure_sign;
 mod messages;
 mod no_switch_box;
 mod orderly_stop;

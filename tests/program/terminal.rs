@@ -61,7 +61,7 @@ const PRINTING: &[&str] = &[
 /// Commands that need a bus: `tests/vcan.rs` runs them. `run` prints no data.
 const ON_A_BUS: &[&str] = &["run", "commission", "scan", "sdo", "nmt", "lss"];
 
-/// Commands that need a node: [`robot_process`](crate::robot_process) and [`measure`](crate::measure) run them.
+/// Commands that need a node: [`robot_process`](crate::robot_process), [`measure`](crate::measure) and [`measure_sign`](crate::measure_sign) run them.
 const WITH_A_NODE: &[&str] = &["measure", "robot"];
 
 /// Commands that serve until a signal: [`view`](crate::view) runs them.

@@ -3,7 +3,7 @@
 /// Number, subject and promised reaction or figure.
 pub(crate) type Claim = (u8, &'static str, &'static str);
 
-pub(crate) const HAZARDS: [Claim; 52] = [
+pub(crate) const HAZARDS: [Claim; 53] = [
     (
         1,
         "A drive loses its power or its cable",
@@ -206,6 +206,11 @@ pub(crate) const HAZARDS: [Claim; 52] = [
         52,
         "The arm moves itself against a person or a thing, with a wrong sign, or on after the deadman is released",
         "3 N at the grip, 40 % of the described weight and twice the friction at most; blocked for 0.3 s or 4° (10 mm) off the way, reflection ends and the arm stays carried; released, the motion ends in the next cycle, and the arm sinks by at most 0.1 rad/s",
+    ),
+    (
+        53,
+        "One drive is tried alone: it pushes with more than its bound, moves another joint, runs away, or keeps a reduced limit",
+        "torque limit of the drive at the bound before it is enabled, all others off; zero torque and off in the cycle after the deadman is released, another joint moves by 0.3° (0.5 mm), or it moves by 2° (3.5 mm) or at 0.6 rad/s (0.1 m/s); only a boot, which writes the planned limits, leads to torque again",
     ),
 ];
 

@@ -144,6 +144,7 @@ pub const EXPECTATIONS: &[Expectation] = &[
         Unstated,
         &[(CauseKind::NotFollowing, ReflectionOff), (CauseKind::Blocked, ReflectionOff)],
     ),
+    row(53, Unstated, &[(CauseKind::LimitReduced, DrivesOff)]),
 ];
 
 const fn row(hazard: u8, limit: Limit, reactions: &'static [(CauseKind, EndState)]) -> Expectation {

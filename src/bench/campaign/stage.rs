@@ -137,7 +137,14 @@ pub(super) fn make<S: InputSink + Clone>(bench: &mut Bench<Monitor, S>, request:
     let now = bench.now();
     let answer = match (request, mode) {
         (_, None)
-        | (Request::Command(_) | Request::Adjust(_) | Request::Zero(_) | Request::Park, _) => {
+        | (
+            Request::Command(_)
+            | Request::Adjust(_)
+            | Request::Zero(_)
+            | Request::Park
+            | Request::Trial(_),
+            _,
+        ) => {
             return;
         }
         (Request::Arm, Some(_)) => Answer::Armed,

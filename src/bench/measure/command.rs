@@ -1,30 +1,34 @@
 //! `frhc measure`: facts of an arm that a configuration states, measured at the arm.
 
+mod direction;
+mod sign;
+
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
 
 use clap::{Args, Subcommand};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use crate::direction::{Answer, Direction, Event, Motion};
-use crate::feed::{Feed, Reading};
-use crate::measured::Measured;
-use crate::words::{found, question, wrong};
-use config::Config;
-use run::exit::{Failure, Kind, OrFail};
-use run::viewer_args::ViewerArgs;
-use run::{print, signal_flag};
+use run::exit::Failure;
 
 /// `frhc measure`.
 #[derive(Debug, Args)]
 pub struct MeasureArgs {
     #[command(subcommand)]
-    task: Task,
+    task: Measurement,
 }
 
 /// Measurements.
 #[derive(Debug, Subcommand)]
-enum Task {
+enum Measurement {
+    /// Whether a positive torque raises the position: one drive after the other pushes, alone and little, the arm at rest.
+    #[command(
+        after_help = "Needs a deadman apart from the arm (switches.deadman_at), the arm at rest, and no hand on it. Each step says \
+            which drive pushes, and with how much at most, and waits for the deadman; all other drives are off, and its torque limit \
+            is written and read back before. What is right stands in MY.measured.toml beside it, and is not asked for again. A joint \
+            that moves the other way, another one, or much too easily is exit 5, with the key; one that does not move is not proven \
+            (exit 1). At its end the node boots, which writes the planned limits again.\n\nExample:\n  \
+            frhc run --config my_arm.toml &\n  frhc measure sign --config my_arm.toml"
+    )]
+    Sign(SignArgs),
     /// Which way the joints turn and the grip goes: a person moves the arm of a running node, without torque.
     #[command(
         after_help = "Asks for a motion of each joint, then of the grip along and about x, y and z of the arm's base, and compares \
@@ -50,78 +54,27 @@ struct DirectionArgs {
     again: bool,
 }
 
+/// `frhc measure sign`.
+#[derive(Debug, Args)]
+struct SignArgs {
+    /// Configuration of the running node.
+    #[arg(short, long, value_name = "FILE")]
+    config: PathBuf,
+    /// Joint, by its name or its number from 1 at the base [default: all].
+    #[arg(long, value_name = "NAME")]
+    joint: Option<String>,
+    /// Measure again what has been measured.
+    #[arg(long)]
+    again: bool,
+}
+
 /// Measures.
 ///
 /// # Errors
 /// When the configuration is wrong (exit 5), or cannot be judged.
 pub fn run(args: &MeasureArgs) -> Result<(), Failure> {
     match &args.task {
-        Task::Direction(args) => direction(args),
-    }
-}
-
-fn direction(args: &DirectionArgs) -> Result<(), Failure> {
-    let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
-    let mut measured = Measured::read(&config)?;
-    if args.again {
-        measured.forget();
-    } else if measured.is_void() {
-        print::line(
-            "The configuration has changed since the last measurement: all is measured again.",
-        );
-    }
-    let motions: Vec<_> =
-        Motion::all().filter(|motion| !measured.is_right(&motion.name())).collect();
-    let skipped = Motion::all().count() - motions.len();
-    if skipped > 0 {
-        let path = measured.path().display();
-        print::line(&format!(
-            "{skipped} motions are measured already ({path}; --again measures them anew)."
-        ));
-    }
-    let sockets = match &args.socket {
-        Some(socket) => vec![socket.clone()],
-        None => ViewerArgs { socket: None, config: Some(args.config.clone()) }.sockets()?,
-    };
-    let is_ending = signal_flag::register([SIGHUP, SIGINT, SIGTERM])?;
-    let mut feed = Feed::connect(sockets)?;
-    let mut direction = Direction::new(&config.controller.arm, motions);
-    let mut has_begun = false;
-    loop {
-        if is_ending.load(Ordering::Relaxed) {
-            let left: Vec<_> = direction.left().map(Motion::name).collect();
-            let reason = format!("not proven: {}; the same command goes on there", left.join(", "));
-            return Err(Failure::new(Kind::Interrupted, reason));
-        }
-        if print::has_failed() {
-            // Nobody reads the questions: `print::finish` says why.
-            return Ok(());
-        }
-        let Some(Reading { at, q }) = feed.next(&config)? else { continue };
-        if !has_begun {
-            has_begun = true;
-            print::line(
-                "Nothing moves by itself. Turn one joint alone where a joint is asked for; keep the arm still in between.",
-            );
-        }
-        match direction.take(at, &q) {
-            None => {}
-            Some(Event::Ask(motion)) => print::line(&question(&config, motion, &q)),
-            Some(Event::Answered(motion, Answer::Right)) => {
-                measured.add(motion.name())?;
-                print::line(&format!("  {}: right", motion.name()));
-            }
-            Some(Event::Answered(motion, answer)) => {
-                print::line(&format!("  {}: {}; once more", motion.name(), found(&config, answer)));
-            }
-            Some(Event::Wrong(motion, answer)) => {
-                return Err(Failure::new(Kind::Drive, wrong(&config, motion, answer)));
-            }
-            Some(Event::Done) => {
-                let path = measured.path().display();
-                print::line(&format!("All directions are as the configuration says: {path}"));
-                return Ok(());
-            }
-        }
+        Measurement::Sign(args) => sign::run(args),
+        Measurement::Direction(args) => direction::run(args),
     }
 }

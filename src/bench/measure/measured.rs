@@ -17,25 +17,38 @@ const TOLD_BY: [i32; 3] = [0, 1_000, -70_000];
 
 const HEAD: &str = "# What `frhc measure` has found of this arm. A part is void once its `facts` differ from those of the configuration.\n\n";
 
+/// Part of the measurements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Task {
+    /// Directions of torques and positions.
+    Sign,
+    /// Directions of joints and grip.
+    Direction,
+}
+
 /// File of measurements.
 #[derive(Debug)]
 pub struct Measured {
     path: PathBuf,
-    facts: String,
     parts: Parts,
+    /// Facts of the configuration, on which each part depends.
+    sign_facts: String,
+    direction_facts: String,
 }
 
 #[derive(Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct Parts {
     #[serde(default)]
-    direction: Direction,
+    sign: Part,
+    #[serde(default)]
+    direction: Part,
 }
 
-/// Motions that went as the configuration says.
+/// Steps whose result is as the configuration says.
 #[derive(Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-struct Direction {
+struct Part {
     facts: String,
     right: BTreeSet<String>,
 }
@@ -62,7 +75,12 @@ impl Measured {
             Err(error) if error.kind() == ErrorKind::NotFound => Parts::default(),
             Err(error) => return Err(unusable(&path, &error)),
         };
-        Ok(Self { path, facts: facts(config), parts })
+        Ok(Self {
+            path,
+            parts,
+            sign_facts: sign_facts(config),
+            direction_facts: direction_facts(config),
+        })
     }
 
     /// Returns its path.
@@ -70,33 +88,33 @@ impl Measured {
         &self.path
     }
 
-    /// Returns whether motions were right by other facts than those of the configuration.
-    pub fn is_void(&self) -> bool {
-        let direction = &self.parts.direction;
-        !direction.right.is_empty() && direction.facts != self.facts
+    /// Returns whether steps were right by other facts than those of the configuration.
+    pub fn is_void(&self, task: Task) -> bool {
+        let (part, facts) = self.part(task);
+        !part.right.is_empty() && part.facts != facts
     }
 
-    /// Returns whether a motion was right.
-    pub fn is_right(&self, motion: &str) -> bool {
-        let direction = &self.parts.direction;
-        direction.facts == self.facts && direction.right.contains(motion)
+    /// Returns whether a step was right.
+    pub fn is_right(&self, task: Task, step: &str) -> bool {
+        let (part, facts) = self.part(task);
+        part.facts == facts && part.right.contains(step)
     }
 
-    /// Forgets all motions.
-    pub fn forget(&mut self) {
-        self.parts.direction = Direction::default();
+    /// Forgets all steps of a part.
+    pub fn forget(&mut self, task: Task) {
+        *self.part_mut(task).0 = Part::default();
     }
 
-    /// Adds a motion that was right, and writes the file: as a whole or not at all.
+    /// Adds a step that was right, and writes the file: as a whole or not at all.
     ///
     /// # Errors
     /// When it cannot be written (exit 4).
-    pub fn add(&mut self, motion: String) -> Result<(), Failure> {
-        if self.parts.direction.facts != self.facts {
-            self.parts.direction =
-                Direction { facts: self.facts.clone(), right: BTreeSet::default() };
+    pub fn add(&mut self, task: Task, step: String) -> Result<(), Failure> {
+        let (part, facts) = self.part_mut(task);
+        if part.facts != facts {
+            *part = Part { facts: facts.to_owned(), right: BTreeSet::default() };
         }
-        self.parts.direction.right.insert(motion);
+        part.right.insert(step);
         let text = toml::to_string(&self.parts).map_err(|error| {
             Failure::new(Kind::File, format!("{}: {error}", self.path.display()))
         })?;
@@ -104,6 +122,20 @@ impl Measured {
         fs::write(&new, format!("{HEAD}{text}"))
             .and_then(|()| fs::rename(&new, &self.path))
             .map_err(|error| unusable(&self.path, &error))
+    }
+
+    fn part(&self, task: Task) -> (&Part, &str) {
+        match task {
+            Task::Sign => (&self.parts.sign, &self.sign_facts),
+            Task::Direction => (&self.parts.direction, &self.direction_facts),
+        }
+    }
+
+    fn part_mut(&mut self, task: Task) -> (&mut Part, &str) {
+        match task {
+            Task::Sign => (&mut self.parts.sign, &self.sign_facts),
+            Task::Direction => (&mut self.parts.direction, &self.direction_facts),
+        }
     }
 }
 
@@ -117,27 +149,50 @@ fn beside(config: &Path) -> PathBuf {
 }
 
 /// Returns a digest of what a direction depends on: frames, node-ids, and the positions that counts have.
-fn facts(config: &Config) -> String {
+fn direction_facts(config: &Config) -> String {
+    let mut digest = drives(config);
+    for joint in &config.joints {
+        let link = &joint.plant.link;
+        for number in [link.alpha, link.a, link.d, link.theta] {
+            digest.update(number.to_le_bytes());
+        }
+        digest.update(format!("{:?}", link.kind));
+    }
+    digest.update(format!("{:?}", config.x_6_g));
+    in_words(digest)
+}
+
+/// Returns a digest of what a sign depends on: node-ids, torque curves, and the positions that counts have.
+fn sign_facts(config: &Config) -> String {
+    let mut digest = drives(config);
+    for joint in &config.joints {
+        digest.update(format!("{:?}", joint.calibration.curve().coefficients()));
+    }
+    in_words(digest)
+}
+
+/// Returns a digest of the drives with their node-ids, and of the positions that their counts have.
+fn drives(config: &Config) -> Sha256 {
     let mut digest = Sha256::new();
     for counts in TOLD_BY {
         let positions = config.controller.calibration.positions(&[Counts(counts); 6]);
         positions.iter().for_each(|position| digest.update(position.to_le_bytes()));
     }
     for joint in &config.joints {
-        let link = &joint.plant.link;
-        for number in [link.alpha, link.a, link.d, link.theta] {
-            digest.update(number.to_le_bytes());
-        }
-        digest
-            .update(format!("{} {:?} {:?} {:?}", joint.name, link.kind, joint.channel, joint.node));
+        digest.update(format!("{} {:?} {:?}", joint.name, joint.channel, joint.node));
     }
-    digest.update(format!("{:?}", config.x_6_g));
+    digest
+}
+
+fn in_words(digest: Sha256) -> String {
     digest.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const DIRECTION: Task = Task::Direction;
 
     /// Copies an arm into a folder, with one text replaced.
     fn arm(folder: &Path, [from, to]: [&str; 2]) -> Config {
@@ -156,22 +211,33 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let config = arm(folder.path(), ["", ""]);
         let mut measured = Measured::read(&config).unwrap();
-        assert!(!measured.is_right("joint 1") && !measured.is_void());
-        measured.add("joint 1".to_owned()).unwrap();
-        measured.add("push +x".to_owned()).unwrap();
+        assert!(!measured.is_right(DIRECTION, "joint 1") && !measured.is_void(DIRECTION));
+        measured.add(DIRECTION, "joint 1".to_owned()).unwrap();
+        measured.add(DIRECTION, "push +x".to_owned()).unwrap();
         assert_eq!(measured.path(), folder.path().join("my_arm.measured.toml"));
         let again = Measured::read(&config).unwrap();
         assert!(
-            again.is_right("joint 1") && again.is_right("push +x") && !again.is_right("joint 2")
+            again.is_right(DIRECTION, "joint 1")
+                && again.is_right(DIRECTION, "push +x")
+                && !again.is_right(DIRECTION, "joint 2")
         );
         let same = arm(folder.path(), ["coulomb_friction_nm = 0.", "coulomb_friction_nm = 0.0"]);
-        assert!(Measured::read(&same).unwrap().is_right("joint 1"), "friction is no direction");
+        assert!(
+            Measured::read(&same).unwrap().is_right(DIRECTION, "joint 1"),
+            "friction is no direction"
+        );
         let other = arm(folder.path(), ["zero_counts = ", "zero_counts = 1"]);
         let mut void = Measured::read(&other).unwrap();
-        assert!(void.is_void() && !void.is_right("joint 1"));
-        void.add("joint 2".to_owned()).unwrap();
-        let void = Measured::read(&other).unwrap();
-        assert!(!void.is_void() && !void.is_right("joint 1") && void.is_right("joint 2"));
+        assert!(void.is_void(DIRECTION) && !void.is_right(DIRECTION, "joint 1"));
+        void.add(DIRECTION, "joint 2".to_owned()).unwrap();
+        let mut void = Measured::read(&other).unwrap();
+        void.add(Task::Sign, "joint 4".to_owned()).unwrap();
+        assert!(void.is_right(Task::Sign, "joint 4") && !void.is_right(Task::Sign, "joint 2"));
+        assert!(
+            !void.is_void(DIRECTION)
+                && !void.is_right(DIRECTION, "joint 1")
+                && void.is_right(DIRECTION, "joint 2")
+        );
     }
 
     #[test]

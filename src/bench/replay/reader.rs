@@ -16,6 +16,7 @@ use inputs::table::{self, FORMAT, FORMAT_OF_ONE_PART, MAGIC};
 use inputs::{Call, HAS_GRIPPER, Input, Last, NUMBERS};
 use node::Request;
 use node::cause::ResetReason;
+use node::trial::TrialRequest;
 use remote::{RemoteSample, SideError};
 use units::adjustment::InvalidAdjustment;
 use units::numbering::Joint;
@@ -114,7 +115,7 @@ impl<R: BufRead> InputReader<R> {
     fn entry(&mut self) -> Result<Input, ReadError> {
         let tag = self.byte()?;
         match tag {
-            table::NEW..=table::PARK => self.call(tag).map(Input::Call),
+            table::NEW..=table::TRIAL => self.call(tag).map(Input::Call),
             table::RETURNED => Ok(Input::Returned(u32::from_le_bytes(self.bytes()?))),
             table::INTERMEDIATES => {
                 let cycle = self.varint()?;
@@ -144,6 +145,13 @@ impl<R: BufRead> InputReader<R> {
             table::COMMAND_RATE => Call::Request(Request::Command(CommandMode::Rate)),
             table::COMMAND_POSE => Call::Request(Request::Command(CommandMode::Pose)),
             table::PARK => Call::Request(Request::Park),
+            table::TRIAL => match Joint::new(self.byte()?) {
+                Some(joint) => {
+                    let share = u16::from_le_bytes(self.bytes()?);
+                    Call::Request(Request::Trial(TrialRequest { joint, share }))
+                }
+                None => return self.malformed("unknown joint"),
+            },
             table::CYCLE => Call::Cycle,
             table::STOP => Call::Stop,
             table::ZERO => Call::Request(Request::Zero(match self.byte()? {
@@ -438,6 +446,10 @@ mod tests {
             Just(Call::Request(Request::Disarm)),
             Just(Call::Request(Request::Zero(None))),
             Just(Call::Request(Request::Park)),
+            (1..=6_u8, any::<u16>()).prop_map(|(number, share)| {
+                let joint = Joint::new(number).unwrap();
+                Call::Request(Request::Trial(TrialRequest { joint, share }))
+            }),
             Just(Call::Request(Request::Zero(Some(Joint::of::<6>())))),
             Just(Call::Request(Request::Reset)),
             Just(Call::Request(Request::Command(CommandMode::Rate))),

@@ -17,7 +17,8 @@ pub struct ActuatorSettings {
     pub zero_counts: i32,
     /// Rated torque of the motor, in N·m.
     pub rated_torque: f64,
-    /// `c1`, `c3`, `c5` in per mille per N·m, (N·m)³ and (N·m)⁵; the curve rises up to `max_torque`.
+    /// `c1`, `c3`, `c5` in per mille per N·m, (N·m)³ and (N·m)⁵; the curve rises up to `max_torque`. One that falls is that of a
+    /// drive that turns against its torque.
     pub torque_curve: [f64; 3],
     /// Maximum joint torque, in N·m.
     pub max_torque: f64,
@@ -42,8 +43,10 @@ pub struct TorqueCurve {
 impl TorqueCurve {
     /// Creates the curve of an actuator, equal in both directions.
     pub const fn new(settings: &ActuatorSettings) -> Self {
-        let rise = Rise::new(settings.torque_curve, settings.max_torque.abs());
-        Self { forward: rise, reverse: rise, gear_sign: settings.gear_ratio.signum() }
+        let [c1, c3, c5] = settings.torque_curve;
+        let sign = c1.signum();
+        let rise = Rise::new([c1 * sign, c3 * sign, c5 * sign], settings.max_torque.abs());
+        Self { forward: rise, reverse: rise, gear_sign: settings.gear_ratio.signum() * sign }
     }
 
     /// Replaces `c1`, `c3`, `c5` for negative joint torque.

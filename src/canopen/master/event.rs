@@ -144,6 +144,12 @@ pub enum Event {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
+    /// Drive that is off, its torque limited to a share of the planned limits.
+    #[display("torque limit reduced for a trial")]
+    TorqueLimited {
+        /// Index of the node in the list of plans.
+        node: NodeIndex,
+    },
     /// Drive that is off and prepared for a homing.
     #[display("prepared for homing: torque limit reduced, home offset, method and mode written")]
     HomingPrepared {
@@ -265,6 +271,7 @@ impl Event {
             | Self::LimitsRaised { node }
             | Self::HomingPrepared { node }
             | Self::HomingLeft { node }
+            | Self::TorqueLimited { node }
             | Self::ReadBack { node, .. }
             | Self::MonitoringEnded { node }
             | Self::MonitoringKept { node, .. }

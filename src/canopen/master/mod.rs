@@ -260,6 +260,18 @@ impl Master {
         self.request(now, node, out, |slave, frames| slave.leave_homing(now, frames))
     }
 
+    /// Starts to limit the torque of a drive that is off to a share of its planned limits, in ‰. Reported as
+    /// [`Event::TorqueLimited`] or [`Event::BootFailed`]. Returns false while another request to the drive is pending.
+    pub fn limit_torque(
+        &mut self,
+        now: Instant,
+        node: NodeIndex,
+        share: u16,
+        out: &mut Vec<Telegram>,
+    ) -> bool {
+        self.request(now, node, out, |slave, frames| slave.limit_torque(now, share, frames))
+    }
+
     /// Starts to end a node's monitoring of this master (1016h:1 or 100Dh and 100Ch set to zero), reported as
     /// [`Event::MonitoringEnded`] or [`Event::MonitoringKept`]. Returns false if the node is not booted or monitors
     /// nothing.

@@ -151,6 +151,8 @@ fn stage_done(stage: Stage, node: NodeIndex) -> Event {
         Event::HomingPrepared { node }
     } else if stage == Stage::LeaveHoming {
         Event::HomingLeft { node }
+    } else if matches!(stage, Stage::LimitTorque(_)) {
+        Event::TorqueLimited { node }
     } else {
         Event::LimitsRaised { node }
     }

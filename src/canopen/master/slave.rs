@@ -271,6 +271,11 @@ impl Slave {
         self.run_stage(steps::Stage::LeaveHoming, now, out)
     }
 
+    /// Starts to limit the torque to a share of the planned limits, in ‰; returns false while another request is pending.
+    pub(super) fn limit_torque(&mut self, now: Instant, share: u16, out: &mut Vec<Frame>) -> bool {
+        self.run_stage(steps::Stage::LimitTorque(share), now, out)
+    }
+
     /// Commands the mode that the node did not take before it was operational.
     fn command_mode(&mut self, now: Instant, out: &mut Vec<Frame>) {
         if self.awaits_mode {

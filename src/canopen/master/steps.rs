@@ -13,7 +13,7 @@
 //!
 //! A drive that refuses the mode before it is operational (08000022h) gets it again after its start. The torque limit of
 //! one that shows its mode only when enabled is raised to the planned one by `RaiseLimits`, after the mode was seen.
-//! `PrepareHoming` and `LeaveHoming` are around a homing, which an operator requests.
+//! `PrepareHoming` and `LeaveHoming` are around a homing, `LimitTorque` before a trial, both of which an operator requests.
 //!
 //! [`commission`](crate::master::commission) runs the steps.
 
@@ -60,6 +60,8 @@ pub enum Stage {
     PrepareHoming,
     /// Commands the planned mode again after a homing, then writes the planned torque limits.
     LeaveHoming,
+    /// Limits the torque of a drive that is off to a share of the planned limits, in ‰.
+    LimitTorque(u16),
 }
 
 /// Origin of a node's configuration.
@@ -102,7 +104,7 @@ impl Stage {
             Self::Verify => Next::Stage(Self::CommandMode(Configuration::Skipped)),
             Self::Download if plan.stores_configuration => Next::Stage(Self::Store),
             Self::Download => Next::Stage(Self::CommandMode(Configuration::Downloaded)),
-            Self::RaiseLimits | Self::PrepareHoming | Self::LeaveHoming => {
+            Self::RaiseLimits | Self::PrepareHoming | Self::LeaveHoming | Self::LimitTorque(_) => {
                 Next::Done(Configuration::Downloaded)
             }
             Self::Store => Next::Stage(Self::CommandMode(Configuration::Stored)),
@@ -121,7 +123,8 @@ impl Stage {
             | Self::CommandMode(_)
             | Self::RaiseLimits
             | Self::PrepareHoming
-            | Self::LeaveHoming => None,
+            | Self::LeaveHoming
+            | Self::LimitTorque(_) => None,
             Self::CheckPowerOff => Some(Next::Stage(Self::SwitchOff)),
             Self::CheckRunning => Some(Next::Stage(Self::Reset)),
             Self::CheckStoredConfig | Self::Verify => Some(Next::Stage(Self::Download)),
@@ -154,6 +157,7 @@ impl Stage {
                 plan.homing.as_ref().map(|homing| prepare_homing(plan, homing)).unwrap_or_default()
             }
             Self::LeaveHoming => leave_homing(plan),
+            Self::LimitTorque(share) => limit_torque(plan, share),
             Self::Store => {
                 let save = Check::exactly(Object::STORE_PARAMETERS, Value::Unsigned32(SAVE));
                 let save = Step::Object(Action::Command, save);
@@ -361,6 +365,13 @@ fn prepare_homing(plan: &NodePlan, homing: &HomingPlan) -> Vec<Step> {
     steps.push(write((Object::HOMING_METHOD, Value::Integer8(homing.method))));
     steps.extend(mode_steps(plan, drive::HOMING));
     steps
+}
+
+/// Writes a share of the planned limits, in ‰, to a drive that reports that it is off.
+fn limit_torque(plan: &NodePlan, share: u16) -> Vec<Step> {
+    let write = |(object, value)| Step::Object(Action::Write, Check::exactly(object, value));
+    let off = Step::Object(Action::Compare, power_is_off());
+    std::iter::once(off).chain(plan.limits_at(share).into_iter().map(write)).collect()
 }
 
 /// Commands the planned mode, then writes the planned limits, to a drive that reports that it is off.

@@ -11,6 +11,27 @@ use crate::object::Object;
 use crate::plan::{ErrorControl, NodePlan, ShownMode};
 use crate::setting::{Need, OFFSETS, Setting};
 
+/// Maps an integer by `of`, in the same data type. Returns `None` for other types, or if the result does not fit.
+pub fn mapped(value: &Value, of: impl Fn(i64) -> Option<i64>) -> Option<Value> {
+    Some(match *value {
+        Value::Integer8(full) => Value::Integer8(of(full.into())?.try_into().ok()?),
+        Value::Integer16(full) => Value::Integer16(of(full.into())?.try_into().ok()?),
+        Value::Integer32(full) => Value::Integer32(of(full.into())?.try_into().ok()?),
+        Value::Integer64(full) => Value::Integer64(of(full)?),
+        Value::Unsigned8(full) => Value::Unsigned8(of(full.into())?.try_into().ok()?),
+        Value::Unsigned16(full) => Value::Unsigned16(of(full.into())?.try_into().ok()?),
+        Value::Unsigned32(full) => Value::Unsigned32(of(full.into())?.try_into().ok()?),
+        Value::Unsigned64(full) => Value::Unsigned64(of(full.try_into().ok()?)?.try_into().ok()?),
+        Value::Boolean(_)
+        | Value::Real32(_)
+        | Value::Real64(_)
+        | Value::VisibleString(_)
+        | Value::OctetString(_)
+        | Value::Domain(_)
+        | _ => return None,
+    })
+}
+
 impl NodePlan {
     /// Objects that must be writable for the plan to succeed, those of PDOs excepted: [`lacks`](crate::load::lacks) checks
     /// these.
@@ -74,6 +95,13 @@ impl NodePlan {
     /// Torque limits that replace the reduced ones after a homing. They are among the settings.
     pub fn limits_after_homing(&self) -> Vec<Setting> {
         self.homing.as_ref().map(|homing| self.planned(&homing.reduced_limits)).unwrap_or_default()
+    }
+
+    /// Torque limits at a share of the planned ones, in ‰, rounded down; empty if no object limits the torque.
+    pub fn limits_at(&self, share: u16) -> Vec<(Object, Value)> {
+        let limits = self.safety.iter().filter(|(object, _)| self.torque_limits.contains(object));
+        let at = |full: i64| full.checked_mul(share.into()).map(|scaled| scaled / 1_000);
+        limits.filter_map(|(object, value)| Some((*object, mapped(value, at)?))).collect()
     }
 
     /// Settings of the objects that `reduced_limits` reduces.

@@ -233,6 +233,7 @@ mod tests {
             gravity_ramps_up: !engaged,
             reflection_share: 1.0,
             hold: false,
+            trial: false,
             engaged,
             drives_on: true,
         }

@@ -42,7 +42,6 @@ use crate::plausibility::torque::Torque;
 use crate::plausibility::torque_range::TorqueRange;
 use crate::plausibility::zero_torque::ZeroTorque;
 use config::Config;
-use controller::arm::JointKind;
 use controller::torque_delay::TorqueDelay;
 use controller::{JointVector, Output};
 use units::drive::PerMille;
@@ -80,11 +79,7 @@ impl Plausibility {
         let joints = config.joints.each_ref();
         let settings = &config.plausibility;
         let clear = joints.map(|joint| {
-            let clear = match joint.plant.link.kind {
-                JointKind::Revolute => CLEAR_ROTATION,
-                JointKind::Prismatic => CLEAR_TRANSLATION,
-            };
-            joint.calibration.span(clear)
+            joint.calibration.span(joint.plant.link.kind.pick([CLEAR_ROTATION, CLEAR_TRANSLATION]))
         });
         let limits = SpeedLimits {
             joints: joints.map(|joint| joint.max_speed),

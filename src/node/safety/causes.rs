@@ -31,6 +31,7 @@ pub const fn of_event(event: &Event) -> Option<Cause> {
         | Event::LimitsRaised { .. }
         | Event::HomingPrepared { .. }
         | Event::HomingLeft { .. }
+        | Event::TorqueLimited { .. }
         | Event::Tested { .. }
         | Event::Booted
         | Event::BootFailed(_)

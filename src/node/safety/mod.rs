@@ -80,6 +80,9 @@ pub enum Refusal {
     /// There is no switch box.
     #[error(transparent)]
     NoSwitchBox(#[from] NoSwitchBox),
+    /// Trials have left a limit reduced.
+    #[error("a drive was tried: its torque limit is reduced. Run `frhc ctl reset` first")]
+    LimitReduced,
     /// No stop is latched.
     #[error("nothing to reset: the node is {0}")]
     NotStopped(Mode),
@@ -134,6 +137,8 @@ pub struct Safety {
     reflection: Ramp,
     /// True from a disarm request until gravity compensation is at zero.
     is_ramping_down: bool,
+    /// True in a `Measuring` in which one drive alone may push: no weight is carried, and every stop switches off.
+    is_alone: bool,
     deadman_was_held: bool,
 }
 
@@ -152,6 +157,7 @@ impl Safety {
             // After a deadman release the controller's slew ends reflection.
             reflection: Ramp::new(times.reflection, Duration::ZERO),
             is_ramping_down: false,
+            is_alone: false,
             // The first press counts only after a release.
             deadman_was_held: true,
         }
@@ -217,6 +223,9 @@ impl Safety {
     pub fn raise(&mut self, now: Instant, cause: Cause) {
         self.active.raise(now, cause);
         let Some(mode) = table::reaction(cause.kind(), self.mode).mode() else { return };
+        // Its limit is reduced, and an arm that no drive carries needs no slower stop.
+        let mode = if self.is_alone { Mode::DrivesOff } else { mode };
+        self.must_boot |= self.is_alone;
         self.cause.get_or_insert(cause);
         self.must_boot |= cause.kind().row().reset_boots;
         if mode != self.mode {
@@ -233,10 +242,35 @@ impl Safety {
             return Err(Refusal::Stopped(cause));
         }
         let enable_state = enable_state.ok_or(NoSwitchBox)?;
+        if self.is_alone {
+            return Err(Refusal::LimitReduced);
+        }
         if self.mode != Mode::Ready {
             return Err(Refusal::NotReady(self.mode));
         }
         released(enable_state)
+    }
+
+    /// Checks that one drive alone may be tried: as [`check_released`](Self::check_released), or after another trial.
+    ///
+    /// # Errors
+    /// As [`check_released`](Self::check_released).
+    pub fn check_alone(&self, enable_state: Option<EnableState>) -> Result<(), Refusal> {
+        if self.is_alone {
+            return released(enable_state.ok_or(NoSwitchBox)?);
+        }
+        self.check_released(enable_state)
+    }
+
+    /// Enters the `Measuring` in which one drive alone may push while the deadman is held.
+    pub fn try_alone(&mut self, now: Instant) {
+        self.enter(Mode::Measuring, now);
+        self.is_alone = true;
+    }
+
+    /// Returns whether one drive alone may push.
+    pub const fn is_alone(&self) -> bool {
+        self.is_alone
     }
 
     /// Enters `Measuring` from `Armed`, or stays in it: the deadman then lets the arm move by itself.
@@ -281,6 +315,13 @@ impl Safety {
         self.is_ramping_down = self.allows_torque();
     }
 
+    /// Ends a `Measuring` in which one drive alone may push.
+    pub fn end_alone(&mut self, now: Instant) {
+        if self.is_alone {
+            self.enter(Mode::DrivesOff, now);
+        }
+    }
+
     /// Ends a latched stop.
     ///
     /// # Errors
@@ -312,7 +353,8 @@ impl Safety {
     /// Advances mode and ramps by the deadman and the time, and returns the permit of this cycle.
     pub fn advance(&mut self, now: Instant, is_held: bool) -> Permit {
         self.advance_mode(now, is_held);
-        self.gravity.advance(now, self.allows_torque() && !self.is_ramping_down);
+        let carries = self.allows_torque() && !self.is_alone;
+        self.gravity.advance(now, carries && !self.is_ramping_down);
         if self.is_ramping_down && self.gravity.is_zero() {
             self.enter(self.mode_after_ramp_down(), now);
         }
@@ -321,11 +363,13 @@ impl Safety {
         Permit {
             mode: self.mode,
             gravity_share: self.gravity.share(),
-            gravity_ramps_up: self.allows_torque()
-                && !self.is_ramping_down
-                && !self.gravity.is_full(),
+            gravity_ramps_up: carries && !self.is_ramping_down && !self.gravity.is_full(),
             reflection_share: self.reflection.share(),
-            hold: self.mode == Mode::Measuring && is_held && !self.is_ramping_down,
+            hold: self.mode == Mode::Measuring
+                && is_held
+                && !self.is_ramping_down
+                && !self.is_alone,
+            trial: self.is_alone && is_held,
             engaged,
             drives_on: self.mode != Mode::DrivesOff,
         }
@@ -369,6 +413,7 @@ impl Safety {
 
     fn enter(&mut self, mode: Mode, now: Instant) {
         (self.mode, self.since, self.enabling_since) = (mode, now, now);
+        self.is_alone = false;
         self.reflection.reset(now);
         if !self.allows_torque() {
             self.gravity.reset(now);

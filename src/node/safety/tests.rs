@@ -186,6 +186,7 @@ fn sample(kind: CauseKind) -> Cause {
         CauseKind::NotOff => Cause::NotOff { joint, statusword },
         CauseKind::HomingFailed => Cause::HomingFailed { joint },
         CauseKind::ZeroUnknown => Cause::ZeroUnknown { joint },
+        CauseKind::LimitReduced => Cause::LimitReduced { joint },
         CauseKind::AwaitsReset => Cause::AwaitsReset { reason: ResetReason::UncleanEnd },
     }
 }

@@ -5,6 +5,7 @@ use std::time::Duration;
 use crate::console::request_queue::{Denial, Outcome};
 use controller::switches::CommandMode;
 use node::safety::Refusal;
+use node::trial::TrialRequest;
 use node::{Request, RequestError};
 use telemetry::token_bucket::TokenBucket;
 use units::time::Instant;
@@ -90,6 +91,9 @@ fn name(request: Request) -> String {
         Request::Zero(None) => "zero".to_owned(),
         Request::Zero(Some(joint)) => format!("zero of joint {joint}"),
         Request::Park => "park".to_owned(),
+        Request::Trial(TrialRequest { joint, share }) => {
+            format!("trial of joint {joint} within {share} ‰")
+        }
         Request::Command(CommandMode::Rate) => "mode rate".to_owned(),
         Request::Command(CommandMode::Pose) => "mode pose".to_owned(),
         Request::Adjust(adjustment) => adjustment.to_string(),

@@ -2,8 +2,8 @@
 //!
 //! Requests are `{"ask":"status"}`, `{"ask":"arm"}`, `{"ask":"disarm"}`, `{"ask":"reset"}`, `{"ask":"mode rate"}`,
 //! `{"ask":"mode pose"}`, `{"ask":"scale motion 0.5"}`, `{"ask":"lock rz on"}`, `{"ask":"align"}`, `{"ask":"park"}`,
-//! `{"ask":"zero"}` and `{"ask":"zero 3"}` for joint 3. Responses are
-//! `{"ok":true,…}` or `{"ok":false,"error":"…"}`. A disarm is answered with `ok` once no drive may push.
+//! `{"ask":"zero"}`, `{"ask":"zero 3"}` for joint 3, and `{"ask":"try 3 250"}` for a trial of its drive within 250 ‰ of its
+//! capacity. Responses are `{"ok":true,…}` or `{"ok":false,"error":"…"}`. A disarm is answered with `ok` once no drive may push.
 //!
 //! | file              | content                                                         |
 //! |-------------------|-----------------------------------------------------------------|
@@ -29,6 +29,7 @@ use derive_more::Display;
 use serde::{Deserialize, Serialize};
 
 use node::record::Mode;
+use node::trial::TrialRequest;
 use telemetry::status::Status;
 use units::adjustment::Adjustment;
 use units::numbering::Joint;
@@ -53,6 +54,9 @@ pub(super) enum ConsoleCommand {
     Zero(Option<Joint>),
     #[display("park")]
     Park,
+    /// Trial of a drive within a bound, in ‰ of its capacity.
+    #[display("try {} {}", _0.joint, _0.share)]
+    Try(TrialRequest),
     #[display("{_0}")]
     Adjust(Adjustment),
 }
@@ -64,6 +68,9 @@ impl TryFrom<String> for ConsoleCommand {
         let zeros = [None].into_iter().chain(Joint::ALL.map(Some)).map(Self::Zero);
         if let Some(command) = zeros.into_iter().find(|command| command.to_string() == text) {
             return Ok(command);
+        }
+        if let Some(trial) = trial(&text) {
+            return Ok(Self::Try(trial));
         }
         let known = [
             Self::Status,
@@ -84,6 +91,13 @@ impl TryFrom<String> for ConsoleCommand {
             format!("unknown request; expected {known}, or else: {invalid}")
         })
     }
+}
+
+/// Returns the trial of `try 3 250`.
+fn trial(text: &str) -> Option<TrialRequest> {
+    let (joint, share) = text.strip_prefix("try ")?.split_once(' ')?;
+    let joint = Joint::new(joint.parse::<u8>().ok()?)?;
+    Some(TrialRequest { joint, share: share.parse().ok()? })
 }
 
 impl From<ConsoleCommand> for String {
@@ -143,6 +157,7 @@ mod tests {
             "zero",
             "zero 3",
             "park",
+            "try 3 250",
         ];
         let asks = [
             ConsoleCommand::Status,
@@ -154,6 +169,7 @@ mod tests {
             ConsoleCommand::Zero(None),
             ConsoleCommand::Zero(Some(Joint::of::<3>())),
             ConsoleCommand::Park,
+            ConsoleCommand::Try(TrialRequest { joint: Joint::of::<3>(), share: 250 }),
         ];
         for (name, ask) in names.into_iter().zip(asks) {
             let line = format!("{{\"ask\":\"{name}\"}}");
@@ -163,6 +179,9 @@ mod tests {
         for line in [
             "{\"ask\":\"Arm\"}",
             "{\"ask\":\"zero 7\"}",
+            "{\"ask\":\"try 7 250\"}",
+            "{\"ask\":\"try 3 -1\"}",
+            "{\"ask\":\"try 3\"}",
             "{\"ask\":\"arm\",\"force\":true}",
             "{}",
             "\"arm\"",

@@ -87,6 +87,7 @@ impl RequestHandler {
             ConsoleCommand::Reset => Request::Reset,
             ConsoleCommand::Zero(joint) => Request::Zero(joint),
             ConsoleCommand::Park => Request::Park,
+            ConsoleCommand::Try(trial) => Request::Trial(trial),
             ConsoleCommand::Rate => Request::Command(CommandMode::Rate),
             ConsoleCommand::Pose => Request::Command(CommandMode::Pose),
             ConsoleCommand::Adjust(adjustment) => Request::Adjust(adjustment),

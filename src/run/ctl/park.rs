@@ -9,6 +9,7 @@ use crate::ctl::Connection;
 use crate::ctl::table::row;
 use crate::exit::{Failure, Kind};
 use crate::print;
+use units::wording::without_minus_zero;
 
 /// Interval between two looks at the node.
 const INTERVAL: Duration = Duration::from_millis(100);
@@ -69,8 +70,10 @@ fn way(status: &Value) -> Vec<String> {
         let text = |key: &str| joint.get(key).and_then(Value::as_str).unwrap_or_default();
         let is_sliding = text("position_unit") == "m";
         let shown = |value: Option<&Value>| match value.and_then(Value::as_f64) {
-            Some(at) if is_sliding => format!("{:.1} mm", at * 1e3),
-            Some(at) => format!("{:.1}°", at.to_degrees()),
+            Some(at) if is_sliding => {
+                format!("{} mm", without_minus_zero(format!("{:.1}", at * 1e3)))
+            }
+            Some(at) => format!("{}°", without_minus_zero(format!("{:.1}", at.to_degrees()))),
             None => "unknown".to_owned(),
         };
         let [from, to] = [shown(joint.get("position")), shown(Some(to))];
@@ -86,7 +89,7 @@ mod tests {
     fn status(mode: &str, state: &str, cause: Option<&str>) -> Value {
         serde_json::json!({
             "mode": mode, "stopped_by": cause,
-            "hold": { "state": state, "done": 0.5, "to": [0.0, -0.872_664_6, 0.4] },
+            "hold": { "state": state, "done": 0.5, "to": [-1e-9, -0.872_664_6, 0.4] },
             "joints": [
                 { "name": "azimuth", "position": 0.5, "position_unit": "rad" },
                 { "name": "elevation", "position": null, "position_unit": "rad" },

@@ -40,9 +40,6 @@ impl Rest {
 }
 
 /// Returns the first value for each revolute joint, the second for each prismatic one.
-pub(super) fn per_kind(kinds: &[JointKind; 6], [revolute, prismatic]: [f64; 2]) -> JointVector {
-    JointVector::from(kinds.map(|kind| match kind {
-        JointKind::Revolute => revolute,
-        JointKind::Prismatic => prismatic,
-    }))
+pub(super) fn per_kind(kinds: &[JointKind; 6], values: [f64; 2]) -> JointVector {
+    JointVector::from(kinds.map(|kind| kind.pick(values)))
 }

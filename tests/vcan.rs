@@ -16,6 +16,8 @@ mod common;
 mod ends;
 #[path = "vcan/far_side.rs"]
 mod far_side;
+#[path = "vcan/first_torque.rs"]
+mod first_torque;
 #[path = "vcan/link_peer.rs"]
 mod link_peer;
 #[path = "vcan/park.rs"]

@@ -7,7 +7,10 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
+use crate::measured::{Measured, Task};
+use config::Config;
 use run::exit::Failure;
+use run::print;
 
 /// `frhc measure`.
 #[derive(Debug, Args)]
@@ -77,4 +80,17 @@ pub fn run(args: &MeasureArgs) -> Result<(), Failure> {
         Measurement::Sign(args) => sign::run(args),
         Measurement::Direction(args) => direction::run(args),
     }
+}
+
+/// Reads what has been measured, without what is measured `again` or depends on facts that have changed.
+fn begin(config: &Config, task: Task, again: bool) -> Result<Measured, Failure> {
+    let mut measured = Measured::read(config)?;
+    if again {
+        measured.forget(task);
+    } else if measured.is_void(task) {
+        print::line(
+            "The configuration has changed since the last measurement: all is measured again.",
+        );
+    }
+    Ok(measured)
 }

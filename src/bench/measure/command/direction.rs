@@ -7,7 +7,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use crate::command::DirectionArgs;
 use crate::direction::{Answer, Direction, Event, Motion};
 use crate::feed::{Feed, Reading};
-use crate::measured::{Measured, Task};
+use crate::measured::Task;
 use crate::words::{found, question, wrong};
 use config::Config;
 use run::exit::{Failure, Kind, OrFail};
@@ -20,14 +20,7 @@ use run::{print, signal_flag};
 /// When the configuration is wrong (exit 5), or cannot be judged.
 pub(super) fn run(args: &DirectionArgs) -> Result<(), Failure> {
     let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
-    let mut measured = Measured::read(&config)?;
-    if args.again {
-        measured.forget(Task::Direction);
-    } else if measured.is_void(Task::Direction) {
-        print::line(
-            "The configuration has changed since the last measurement: all is measured again.",
-        );
-    }
+    let mut measured = super::begin(&config, Task::Direction, args.again)?;
     let motions: Vec<_> = Motion::all()
         .filter(|motion| !measured.is_right(Task::Direction, &motion.name()))
         .collect();

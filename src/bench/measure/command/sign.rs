@@ -7,7 +7,7 @@ use serde_json::Value;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::command::SignArgs;
-use crate::measured::{Measured, Task};
+use crate::measured::Task;
 use crate::sign::{self, Verdict};
 use crate::words;
 use config::Config;
@@ -25,14 +25,7 @@ use units::wording::listed;
 /// When a sign is wrong (exit 5), not proven or refused (exit 1), or the node does not respond (exit 4).
 pub(super) fn run(args: &SignArgs) -> Result<(), Failure> {
     let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
-    let mut measured = Measured::read(&config)?;
-    if args.again {
-        measured.forget(Task::Sign);
-    } else if measured.is_void(Task::Sign) {
-        print::line(
-            "The configuration has changed since the last measurement: all is measured again.",
-        );
-    }
+    let mut measured = super::begin(&config, Task::Sign, args.again)?;
     let wanted = wanted(&config, args.joint.as_deref())?;
     let is_right = |joint: &Joint| measured.is_right(Task::Sign, &step(*joint));
     let (right, left): (Vec<_>, Vec<_>) = wanted.into_iter().partition(is_right);
